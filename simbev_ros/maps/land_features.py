@@ -6,7 +6,8 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.geometry.plan_view import points_inside
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 
 
@@ -150,3 +151,10 @@ class MapFeatures:
     buildings: tuple[Footprint, ...] | None = None
     objects: tuple[MapObject, ...] = ()
     speed_bumps: tuple[SpeedBump, ...] = ()
+
+    def uses_at(self, xy_m: Float64Array) -> AnyArray:
+        """(N,) names of the land uses at (N, 2) positions, map frame."""
+        uses = np.full(len(xy_m), self.surroundings.use, object)
+        for zone, inside in zip(self.zones, points_inside([zone.area for zone in self.zones], xy_m), strict=True):
+            uses[inside] = zone.surroundings.use
+        return uses

@@ -7,7 +7,6 @@ import shapely
 from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry import overlay
-from simbev_ros.foundation.geometry.plan_view import points_inside
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -91,10 +90,7 @@ def busiest_position(network: RoadNetwork) -> Float64Array:
     if not lanes:  # all lanes are too short for a vehicle to start on
         lanes = [lane for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
         positions_m = np.array([lane.centerline_m[0, :2] for lane in lanes])
-    weight = np.full(len(positions_m), _USE_WEIGHT.get(network.features.surroundings.use, 1.0))
-    zones = network.features.zones
-    for zone, inside in zip(zones, points_inside([zone.area for zone in zones], positions_m), strict=True):
-        weight[inside] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
+    weight = np.array([_USE_WEIGHT.get(use, 1.0) for use in network.features.uses_at(positions_m)])
     weight[[lane.speed_mps > FAST_MPS for lane in lanes]] = _FAST_WEIGHT
     around = np.zeros(len(positions_m))
     for each in np.unique(weight).tolist():

@@ -1,6 +1,6 @@
 """The actor blueprints: every kind of actor that can appear in a scene.
 
-They are read from blueprints.yaml, two_wheelers.yaml and people.yaml, in this order.
+They are read from blueprints.yaml, two_wheelers.yaml, people.yaml and trailers.yaml, in this order.
 
 The package ``assets`` builds their meshes.
 """
@@ -41,7 +41,7 @@ class Blueprint(Model):
     """One kind of actor; blueprints.yaml explains the fields. A color that is listed twice is twice as frequent."""
 
     name: str
-    kind: Literal["vehicle", "rider", "pedestrian", "prop"]
+    kind: Literal["vehicle", "trailer", "rider", "pedestrian", "prop"]
     tag: Tag
     box_class: str
     size_m: tuple[float, float, float]
@@ -66,6 +66,9 @@ class Blueprint(Model):
     sits: bool = False
     runs_as: str = ""
     fast: str = ""
+    land: str = ""
+    hitch_m: float = 0.0
+    axle_m: float = 0.0
 
     @property
     def on_foot(self) -> bool:
@@ -103,11 +106,12 @@ def load_blueprints() -> tuple[Blueprint, ...]:
     data = load_table("simbev_ros.scene", "blueprints.yaml")
     palettes = data["palettes"] | _load_paints()
     entries: dict[str, dict[str, Any]] = {}
-    for row in data["blueprints"]:
+    towing = load_table("simbev_ros.scene", "trailers.yaml")["blueprints"]
+    for row in [*data["blueprints"], *towing]:
         entries[row["name"]] = entries.get(row.pop("like", ""), {}) | row
-    blueprints = []
+    blueprints, rows, first = [], list(entries.values()), len(data["blueprints"])
     two_wheelers = load_table("simbev_ros.scene", "two_wheelers.yaml")["blueprints"]
-    for entry in [*entries.values(), *two_wheelers, *_people()]:
+    for entry in [*rows[:first], *two_wheelers, *_people(), *rows[first:]]:
         for field, name in (("colors", "palette"), ("colors2", "palette2")):
             palette = entry.pop(name, [])
             entry[field] = palette if isinstance(palette, list) else palettes[palette]

@@ -18,6 +18,7 @@ from simbev_ros.scene.blueprints import load_blueprints
 
 NAMES = [blueprint.name for blueprint in load_blueprints()]
 VEHICLES = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
+TRAILERS = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "trailer"]
 FOUR_WHEELED = [entry.name for entry in load_blueprints() if entry.kind == "vehicle" and not entry.rider]
 WITH_DOORS = [entry.name for entry in load_blueprints() if entry.doors]
 PROPS = [entry.name for entry in load_blueprints() if entry.kind == "prop"]
@@ -87,13 +88,19 @@ def test_parts_come_after_their_parents_and_none_is_empty(name: str) -> None:
 
 @pytest.mark.parametrize("name", few_derived(NAMES))
 def test_triangles_are_within_the_budget(name: str) -> None:
-    budgets = {"pedestrian": (1000, 3500), "rider": (1000, 3500), "vehicle": (1000, 8000), "prop": (200, 600)}
+    budgets = {
+        "pedestrian": (1000, 3500),
+        "rider": (1000, 3500),
+        "vehicle": (1000, 8000),
+        "trailer": (500, 8000),
+        "prop": (200, 600),
+    }
     own = {"pedestrian.wheelchair": (1000, 4500), "prop.worker": (1000, 3000)}
     min_count, max_count = own.get(name, budgets[blueprint(name).kind])
     assert min_count < len(model(name).mesh.triangles) < max_count
 
 
-@pytest.mark.parametrize("name", few_derived(VEHICLES))
+@pytest.mark.parametrize("name", few_derived([*VEHICLES, *TRAILERS]))
 def test_wheels_have_the_radius_of_the_blueprint_and_touch_the_ground_however_they_turn(name: str) -> None:
     of, radius_m = model(name), blueprint(name).wheel_radius_m
     actors = rows(8, wheel=np.linspace(0.0, 2.0, 8))
@@ -101,7 +108,7 @@ def test_wheels_have_the_radius_of_the_blueprint_and_touch_the_ground_however_th
         points = pose_vertices(of, actors, part.name)
         center = np.asarray(part.pivot_m)
         reach = np.hypot(points[..., 0] - center[0], points[..., 2] - center[2]).max(axis=1)
-        np.testing.assert_allclose(reach, radius_m, rtol=0.015)
+        np.testing.assert_allclose(reach, radius_m / part.spins, rtol=0.015)  # all roll the same distance
         np.testing.assert_allclose(points[..., 2].min(axis=1), 0.0, atol=0.03 * radius_m)
         displacement_m = np.abs(points[1:] - points[:1]).max()
         assert displacement_m > radius_m
@@ -119,10 +126,39 @@ def test_only_the_front_wheels_steer_and_the_axles_are_the_wheelbase_apart(name:
         assert np.arctan2(heading[1], heading[0]) == pytest.approx(0.3 if x == front_x else 0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", few_derived(TRAILERS))
+def test_a_trailer_has_its_coupling_in_front_its_lamps_behind_and_axles_that_do_not_steer(name: str) -> None:
+    of, (length_m, _, _) = model(name), blueprint(name).size_m
+    axles_m = {part.pivot_m[0] for part in of.parts if part.spins}
+    assert np.mean(list(axles_m)) == pytest.approx(-blueprint(name).axle_m, abs=0.02)
+    assert np.ptp(list(axles_m)) == pytest.approx(blueprint(name).wheelbase_m, abs=0.03)
+    assert not any(part.steers for part in of.parts)
+    assert 0.2 * length_m < blueprint(name).hitch_m < 0.5 * length_m
+    tail = (
+        Material.LAMP_TAIL,
+        Material.LAMP_TURN_LEFT,
+        Material.LAMP_TURN_RIGHT,
+        Material.LAMP_REVERSE,
+        Material.PLATE,
+    )
+    assert all(len(lamp_points(name, each)) for each in tail)
+    assert max(lamp_points(name, each)[:, 0].max() for each in tail) < -0.3 * length_m
+    assert not len(lamp_points(name, Material.LAMP_LOW_BEAM))
+
+
 def test_wheels_roll_forward() -> None:
     top = np.array([0.0, 0.0, 0.33]) + model("vehicle.sedan").parts[1].pivot_m
     pose = part_poses(model("vehicle.sedan"), rows(1, wheel=0.1))[0, 1]
     assert (pose[:3, :3] @ top + pose[:3, 3])[0] > top[0] + 0.02
+
+
+def test_the_smaller_front_wheels_of_a_tractor_cover_the_distance_of_the_large_ones() -> None:
+    of, wheel_rad = model("vehicle.farm_tractor"), 0.1
+    pose = part_poses(of, rows(1, wheel=wheel_rad))[0]
+    for index, part in enumerate(of.parts):
+        if part.spins:
+            turn_rad = np.arctan2(pose[index, 0, 2], pose[index, 0, 0])
+            assert turn_rad * part.pivot_m[2] == pytest.approx(wheel_rad * 0.86, rel=0.01)
 
 
 def lamp_points(name: str, material: Material) -> Float64Array:

@@ -16,7 +16,7 @@ class Part:
         name: Human-readable name.
         parent: Index of the parent, which precedes the part; -1 for the body.
         pivot_m: Fixed point of the rotation, actor frame, rest pose.
-        spins: Whether the part turns about y with the ``wheel`` angle (forward roll).
+        spins: Turns about y (forward roll) per turn of the ``wheel`` angle; not 1 for wheels of another radius.
         steers: Whether the part turns about z with the ``steer`` angle, before it spins.
         cranks: Whether the part turns about y with the ``gait`` angle (pedals of a bicycle).
         door: Bit of the ``doors`` column that opens the part.
@@ -26,7 +26,7 @@ class Part:
     name: str
     parent: int = -1
     pivot_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    spins: bool = False
+    spins: float = 0.0
     steers: bool = False
     cranks: bool = False
     door: int = 0

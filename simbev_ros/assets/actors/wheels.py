@@ -16,7 +16,7 @@ from simbev_ros.foundation.semantics import Tag
 
 
 class Wheels(Model):
-    """Wheels of a vehicle with two sides; the first axle steers.
+    """Wheels of a vehicle or trailer with two sides.
 
     The parts are called ``wheel <axle> left`` and ``wheel <axle> right``, axles counted from 0.
 
@@ -29,6 +29,8 @@ class Wheels(Model):
         spokes: Number of spokes; 0 for a plain steel disc.
         finish: Finish of the spokes or disc.
         twin: Whether all axles but the first have double tires.
+        steers: Whether the first axle steers.
+        first: Fields that the first axle has otherwise, such as the radius of a farm tractor's front wheels.
     """
 
     radius: float
@@ -39,6 +41,12 @@ class Wheels(Model):
     spokes: int = 5
     finish: Literal["alloy", "steel", "dark_metal", "chrome"] = "alloy"
     twin: bool = False
+    steers: bool = True
+    first: dict[str, float] | None = None
+
+    def of_axle(self, axle: int) -> "Wheels":
+        """These wheels with the fields that an axle has, counted from 0."""
+        return self if axle or not self.first else self.model_copy(update=self.first)
 
 
 _SEGMENTS = 20
@@ -52,11 +60,12 @@ def wheel_parts(wheels: Wheels) -> list[Part]:
         Part(
             name=f"wheel {axle} {'left' if side > 0 else 'right'}",
             parent=0,
-            pivot_m=(x, side * (wheels.half_track - wheels.width / 2.0), wheels.radius),
-            spins=True,
-            steers=axle == 0,
+            pivot_m=(x, side * (own.half_track - own.width / 2.0), own.radius),
+            spins=wheels.radius / own.radius,
+            steers=wheels.steers and axle == 0,
         )
         for axle, x in enumerate(wheels.axles)
+        for own in (wheels.of_axle(axle),)
         for side in (1, -1)
     ]
 
@@ -65,7 +74,8 @@ def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> l
     """Build the meshes of all wheels; wheel k moves with part ``first_part + k``."""
     meshes = []
     detail = detail.for_spinning_parts
-    single = twin = _wheel(wheels, tag, detail)
+    first = _wheel(wheels.of_axle(0), tag, detail)
+    single = twin = _wheel(wheels, tag, detail) if wheels.first else first
     if wheels.twin:
         inner = np.eye(4)
         inner[2, 3] = -1.15 * wheels.width
@@ -75,7 +85,7 @@ def build_wheels(wheels: Wheels, tag: Tag, first_part: int, detail: Detail) -> l
         vehicle_from_wheel = matrices_from_xyz_rpy(
             np.array([x, y, z]), np.array([-np.copysign(np.pi / 2.0, y), 0.0, 0.0])
         )
-        wheel = (twin if index >= 2 else single).transform(vehicle_from_wheel)
+        wheel = (twin if index >= 2 else first).transform(vehicle_from_wheel)
         meshes.append(replace(wheel, part=np.full_like(wheel.part, first_part + index)))
     return meshes
 

@@ -4,7 +4,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from simbev_ros.foundation.types import BoolArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.cached_method import cached_method
@@ -17,6 +17,7 @@ from simbev_ros.scene.streets.walks import WalkGraph
 
 _LANE_PER_VEHICLE_M = 30.0  # that of a dense but moving flow in a city
 _TAIL_M = 1.0  # length by which a long vehicle may protrude behind its lane
+_COUNTRY_MPS = 25.0  # limit above which a road is a motorway, where farm tractors must not be
 _WALK_MPS = 2.0  # a sidewalk network on which one can walk at this speed for the whole scene is large enough
 
 
@@ -60,7 +61,7 @@ class StartPositions:
         No vehicle drives onto ``closed`` edges.
         """
         vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
-        return {each.name: self._usable_for(each, duration_s, closed) for each in vehicles}
+        return {each.name: self._usable_for(each, duration_s, closed) & self._has_land(each) for each in vehicles}
 
     def capacity(self, duration_s: float) -> float:
         """Maximum number of vehicles that can keep driving for this duration; infinite where streets lead far enough.
@@ -91,6 +92,17 @@ class StartPositions:
         positions, distance_m = self.vehicles, self._max_distance_m(blueprint, duration_s)
         can_drive = self._streets.for_blueprint(blueprint, closed).can_drive(positions.row, positions.s_m, distance_m)
         return can_drive & (positions.s_m + _TAIL_M >= blueprint.size_m[0])
+
+    def _has_land(self, blueprint: Blueprint) -> BoolArray:
+        """(N,) whether a blueprint is at home there: farm tractors on country roads, and others everywhere."""
+        is_slow = np.array([lane.speed_mps <= _COUNTRY_MPS for lane in self._streets.lanes], bool)[self.vehicles.row]
+        there: BoolArray = is_slow & (self._land == blueprint.land)
+        return there if blueprint.land else np.ones(len(there), bool)
+
+    @cached_property
+    def _land(self) -> AnyArray:
+        """(N,) land uses at the vehicles' positions."""
+        return self._network.features.uses_at(self.vehicles.position_m[:, :2])
 
     def _max_distance_m(self, blueprint: Blueprint, duration_s: float) -> float:
         return duration_s * min(self._max_limit_mps, _max_speed_by_class_mps()[blueprint.sumo_class])

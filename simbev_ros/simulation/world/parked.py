@@ -176,6 +176,7 @@ def _row(parked: _Parked, kind: str, rng: np.random.Generator) -> Table:
     row["length"], row["width"], row["height"] = length_m, width_m, height_m
     row["wheel"] = rng.uniform(0.0, 2.0 * np.pi)
     row["steer"] = rng.uniform(-1.0, 1.0) * table["steer_rad"] * (rng.random() < table["steered_share"])
+    row["steer"] *= blueprint.kind == "vehicle"
     row["color"] = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
     row["blueprint"], row["tag"] = blueprint_index()[blueprint.name], blueprint.tag
     row["behavior"] = Behavior.PARKED
@@ -225,7 +226,9 @@ def _kinds() -> tuple[tuple[Blueprint, ...], Float64Array, Float64Array]:
     """Blueprints that are parked, their (B, 2) lengths and widths, and their (B,) weights."""
     shares = {Tag[name]: share for name, share in _table()["share"].items()}
     kinds = tuple(
-        each for each in load_blueprints() if each.kind == "vehicle" and not each.emergency and each.frequency > 0.0
+        each
+        for each in load_blueprints()
+        if each.kind in ("vehicle", "trailer") and not (each.emergency or each.land) and each.frequency > 0.0
     )
     weights = np.array([each.frequency * shares.get(each.tag, 1.0) for each in kinds])
     return kinds, np.array([each.size_m[:2] for each in kinds]), weights

@@ -14,12 +14,13 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, Behavior
-from simbev_ros.simulation.world.parked import MAX_PARKED, ParkedVehicles
+from simbev_ros.simulation.world.parked import MAX_PARKED, ParkedVehicles, _take_spots
 from simbev_ros.simulation.world.simulation import Simulation
 
 _LEVEL_TOLERANCE_M = 2.0
@@ -119,3 +120,15 @@ def test_doors_open_only_while_nobody_is_near() -> None:
     steps = range(0, spec.warm_up_ticks + spec.ticks, 10)
     assert any(vehicles.rows_at(step, nobody)["doors"].any() for step in steps)
     assert not any(vehicles.rows_at(step, beside)["doors"].any() for step in steps)
+
+
+def test_a_few_trailers_and_no_tractors_stand_among_parked_vehicles() -> None:
+    spots = np.zeros(4000, SPOT_DTYPE)
+    spots["x"], spots["length"], spots["width"], spots["kind"] = np.arange(4000) * 10.0, 7.0, 3.0, SpotKind.BAY
+    spec, _, _ = scene("Town02")
+    rows = np.concatenate([_take_spots(spec, spots[k : k + 1]) for k in range(len(spots))])
+    kinds = [load_blueprints()[index] for index in rows["blueprint"].tolist()]
+    trailers = np.array([kind.kind == "trailer" for kind in kinds])
+    assert 0.005 < trailers.mean() < 0.025
+    assert not np.any(rows["steer"][trailers])
+    assert not any(kind.land for kind in kinds)

@@ -25,7 +25,7 @@ def _moving_parts(model: ActorModel) -> BoolArray:
     """(P,) whether a part moves, other than as a door."""
     moves = np.full(len(model.parts), model.cycle is not None)
     for index, part in enumerate(model.parts):
-        moves[index] |= part.spins or part.steers or part.cranks or (part.parent >= 0 and moves[part.parent])
+        moves[index] |= part.spins > 0.0 or part.steers or part.cranks or (part.parent >= 0 and moves[part.parent])
     return moves
 
 

@@ -67,6 +67,7 @@ class Blueprint(Model):
     runs_as: str = ""
     fast: str = ""
     land: str = ""
+    tows: str = ""
     hitch_m: float = 0.0
     axle_m: float = 0.0
 
@@ -86,13 +87,42 @@ class Blueprint(Model):
 
     @property
     def footprint(self) -> VehicleFootprint:
-        """Footprint of a vehicle; its axles lie half a wheelbase in front of and behind its center.
+        """Footprint of a vehicle or trailer; a vehicle's axles lie half a wheelbase in front of and behind its center.
 
         The leading point is where the front bumper swings out of a bend by as much as the rear axle cuts it.
         """
         length_m, width_m, _ = self.size_m
+        if self.kind == "trailer":
+            return VehicleFootprint(length_m, width_m, self.hitch_m, self.axle_m)
         axle_m = self.wheelbase_m / 2.0
         return VehicleFootprint(length_m, width_m, (length_m / 2.0 + axle_m) / math.sqrt(2.0) - axle_m, axle_m)
+
+    @property
+    def train_length_m(self) -> float:
+        """Length of a vehicle with what it tows, straight behind it."""
+        if not self.tows:
+            return self.size_m[0]
+        towed = blueprint_named(self.tows)
+        return self.size_m[0] / 2.0 - self.hitch_m + towed.hitch_m + towed.size_m[0] / 2.0
+
+    @property
+    def turning_footprint(self) -> VehicleFootprint:
+        """Footprint of the rigid vehicle that cuts bends as far as this one with what it tows.
+
+        On a steady circle, the squares of the distances from axle to axle add up, and that of a hitch's overhang counts
+        negative (WHI formula of off-tracking: Western Highway Institute, Offtracking Characteristics of Trucks, 1970).
+        """
+        own = self.footprint
+        if not self.tows:
+            return own
+        towed = blueprint_named(self.tows)
+        overhang_m, length_m = -self.hitch_m - own.axle_m, towed.hitch_m + towed.axle_m
+        trail_m = math.sqrt((own.lead_m + own.axle_m) ** 2 - overhang_m**2 + length_m**2)
+        tail_m = towed.size_m[0] / 2.0 - towed.axle_m
+        half_m = (own.length_m / 2.0 - own.lead_m + trail_m + tail_m) / 2.0
+        return VehicleFootprint(
+            2.0 * half_m, max(own.width_m, towed.size_m[1]), trail_m + tail_m - half_m, half_m - tail_m
+        )
 
     @field_validator("tag", mode="before")
     @classmethod

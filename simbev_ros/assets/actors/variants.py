@@ -82,7 +82,8 @@ def reshape_shape(base: Data, change: Reshape) -> Data:
     base["solids"] = [
         each for each in base.get("solids", []) if not any(given.items() <= each.items() for given in change.drop)
     ]
-    _stretch(base, _Map(change.x, change.y, change.z))
+    if change.x or change.z or change.y != 1.0:
+        _stretch(base, _Map(change.x, change.y, change.z))
     if "wheels" in base:
         before_m = base["wheels"]["radius"]
         base["wheels"] |= change.wheels or {}

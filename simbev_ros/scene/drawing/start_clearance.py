@@ -42,9 +42,9 @@ class StartClearance:
     def _body(self, blueprint: Blueprint, start: WaypointSpec) -> AnyArray:
         """Footprint polygon of a vehicle on the chord from its start back along the lane."""
         front_m, yaw_rad = self._network.pose_on_lane(start.lane, start.s_m)
-        length_m = blueprint.size_m[0]
+        length_m, width_m = blueprint.train_length_m, blueprint.turning_footprint.width_m
         if start.s_m > 1.0:
             back_m, _ = self._network.pose_on_lane(start.lane, start.s_m - length_m)
             yaw_rad = float(np.arctan2(*(front_m - back_m)[1::-1]))
         center_m = front_m[:2] - length_m / 2.0 * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        return footprints(np.array(blueprint.size_m), center_m[None], np.array([yaw_rad]))[0]
+        return footprints(np.array([length_m, width_m]), center_m[None], np.array([yaw_rad]))[0]

@@ -91,7 +91,7 @@ class StartPositions:
             return self.usable_on_tight_turns(blueprint, duration_s, closed)
         positions, distance_m = self.vehicles, self._max_distance_m(blueprint, duration_s)
         can_drive = self._streets.for_blueprint(blueprint, closed).can_drive(positions.row, positions.s_m, distance_m)
-        return can_drive & (positions.s_m + _TAIL_M >= blueprint.size_m[0])
+        return can_drive & (positions.s_m + _TAIL_M >= blueprint.train_length_m)
 
     def _has_land(self, blueprint: Blueprint) -> BoolArray:
         """(N,) whether a blueprint is at home there: farm tractors on country roads, and others everywhere."""

@@ -49,7 +49,7 @@ class TurningPaths(NamedTuple):
 
 def is_long(blueprint: Blueprint) -> bool:
     """Whether there are turns that this blueprint might not fit through."""
-    return blueprint.size_m[0] >= _MIN_LONG_M
+    return blueprint.train_length_m >= _MIN_LONG_M
 
 
 def bent_paths(lanes: Sequence[Lane], following: Int64Array) -> TurningPaths:

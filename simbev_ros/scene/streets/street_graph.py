@@ -119,7 +119,7 @@ class Streets:
         if tight or not is_long(blueprint):
             graph = self.for_class(blueprint.sumo_class)
         else:
-            graph = self._for_long(blueprint.sumo_class, blueprint.footprint)
+            graph = self._for_long(blueprint.sumo_class, blueprint.turning_footprint)
         return self._without_edges(graph, closed) if closed else graph
 
     @cached_method()

@@ -32,7 +32,7 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleF
     Raises:
         InputError: The cache cannot be written.
     """
-    bodies = sorted({each.footprint for each in load_blueprints() if each.kind == "vehicle" and is_long(each)})
+    bodies = sorted({each.turning_footprint for each in load_blueprints() if each.kind == "vehicle" and is_long(each)})
     driving, sidewalks = network.lanes_of(LaneKind.DRIVING), network.lanes_of(LaneKind.SIDEWALK)
     build = partial(_build, bodies, driving, sidewalks, following)
     cache_dir = network.net_path.parents[2]  # the net is in <cache>/<maps>/<map>

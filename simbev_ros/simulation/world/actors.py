@@ -93,6 +93,7 @@ class Actors:
         obstacles = np.concatenate([obstacles, props, resting_obstacles(self._resting, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
         self._ids: Int64Array = np.append(cast.rows["id"][cast.rows["parent"] == 0], self._parked.rows["id"])
+        self._towing, self._towed = cast.bodies.towing, cast.bodies.towed
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._leading = LeadingPoints(
             spec, population, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
@@ -154,12 +155,17 @@ class Actors:
         """Mark in SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
         collisions = self._motion.collisions
         self._leading.rest_crashed(collisions)
-        bodies = {body for impact in collisions.impacts for body in impact.bodies if body < len(self._half_length_m)}
+        hit = {body for impact in collisions.impacts for body in impact.bodies if body < len(self._half_length_m)}
+        towed = self._towed
+        bodies = {
+            int(self._towing.leader[body - towed.start]) if towed.start <= body < towed.stop else body for body in hit
+        }
         for body in sorted(bodies):
             yaw_rad = float(collisions.yaw_rad[body])
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
-            self._population.hold_crashed(body, front_m, yaw_rad)
+            known = body if body < towed.start else body - (towed.stop - towed.start)  # SUMO knows no towed units
+            self._population.hold_crashed(known, front_m, yaw_rad)
 
 
 _grounds = LatestValue[Layout, GroundSurface]()

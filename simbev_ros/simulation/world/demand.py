@@ -124,11 +124,11 @@ def _add_vehicle(
 ) -> ElementTree.Element:
     """Add one vehicle, at rest with its front bumper at its start, and its own type; returns the vehicle's element."""
     blueprint = blueprint_named(vehicle.blueprint)
-    length_m, width_m, height_m = blueprint.size_m
+    _, width_m, height_m = blueprint.size_m
     own = {
         "id": name,
         "vClass": blueprint.sumo_class,
-        "length": f"{length_m:g}",
+        "length": f"{blueprint.train_length_m:g}",
         "width": f"{max(width_m, _MIN_WIDTH_M):g}",
         "height": f"{height_m:g}",
         "accel": f"{blueprint.accel:g}",

@@ -98,9 +98,9 @@ class LeadingPoints:
         self.now: Float64Array = self._update_points(sample)
 
     def advance_points(self, sample: TrafficSample, crashed: BoolArray) -> None:
-        """Take SUMO's next sample. ``crashed`` (V + P,) marks actors that have collided and no longer move."""
+        """Take SUMO's next sample. ``crashed`` (V + T + P,) marks actors that have collided and no longer move."""
         vehicles = len(sample.front_m)
-        pedestrian_m = self._excursions.advance_walkers(sample, crashed[vehicles:])
+        pedestrian_m = self._excursions.advance_walkers(sample, crashed[len(crashed) - len(sample.pedestrian_m) :])
         self.now = self._update_points(replace(sample, pedestrian_m=pedestrian_m))
         self._careful_drivers.look_and_brake(
             self._front_m[self._sumo_vehicles],

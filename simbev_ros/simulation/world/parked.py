@@ -228,7 +228,9 @@ def _kinds() -> tuple[tuple[Blueprint, ...], Float64Array, Float64Array]:
     kinds = tuple(
         each
         for each in load_blueprints()
-        if each.kind in ("vehicle", "trailer") and not (each.emergency or each.land) and each.frequency > 0.0
+        if each.kind in ("vehicle", "trailer")
+        and not (each.emergency or each.land or each.tows)
+        and each.frequency > 0.0
     )
     weights = np.array([each.frequency * shares.get(each.tag, 1.0) for each in kinds])
     return kinds, np.array([each.size_m[:2] for each in kinds]), weights

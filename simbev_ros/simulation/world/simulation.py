@@ -129,7 +129,7 @@ class Simulation:
     def _vehicle_lengths_m(self) -> Float64Array:
         """(V,) lengths of SUMO's vehicles."""
         blueprints = [blueprint_named(self._spec.vehicles[index].blueprint) for index in self._sumo.vehicles]
-        return np.array([blueprint.size_m[0] for blueprint in blueprints])
+        return np.array([blueprint.train_length_m for blueprint in blueprints])
 
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""

@@ -39,6 +39,8 @@ class ActorTable:
         self._reverses = driven | bool(spec.map.path)  # there, drivers back off
         # A rider pedals by the distance of its bicycle; the row of a vehicle equals the index of its leading point.
         self._distance_row = np.where(cast.rows["parent"] > 0, cast.bodies.point, np.arange(len(cast.rows)))
+        points = cast.bodies.point
+        self._towed = np.flatnonzero((points >= cast.bodies.towed.start) & (points < cast.bodies.towed.stop))
         self._steer_rad = np.zeros(len(cast.rows))
         self._wheel_rad = np.zeros(len(cast.rows))
         self._gait_rad = np.zeros(len(cast.rows))
@@ -76,6 +78,7 @@ class ActorTable:
         table["lights"][vehicles] = vehicle_lights(
             signals, speed_mps, forward_mps2, blinker_bright, beacon_bright, weather, in_tunnel
         )
+        table["lights"][self._towed] = table["lights"][self._cast.bodies.towing.leader]
         table["doors"][vehicles] = doors
         table["behavior"][len(table) - len(jaywalking) :] |= (Behavior.JAYWALKING * jaywalking).astype(np.uint16)
         return table

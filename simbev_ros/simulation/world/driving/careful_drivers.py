@@ -28,6 +28,7 @@ from simbev_ros.simulation.world.driving.trajectory_prediction import (
     predict_pedestrians,
 )
 from simbev_ros.simulation.world.kinematics.motion import Bodies
+from simbev_ros.simulation.world.kinematics.towing import towed_headings
 
 _REASON = "conflict"
 _STOP_GAP_M = 0.4
@@ -71,7 +72,7 @@ class CarefulDrivers:
         """Start at rest.
 
         Args:
-            bodies: Bodies of V vehicles and P pedestrians.
+            bodies: Bodies of V vehicles, with what they tow, and P pedestrians.
             heeds: (V, 2) whether each driver brakes for vehicles, and for pedestrians.
             front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
@@ -87,6 +88,9 @@ class CarefulDrivers:
         self._half_m[self._vehicles :] = self._half_m[self._vehicles :].max(axis=1, keepdims=True)
         self._heeds = np.zeros((len(self._half_m), 2), bool)
         self._heeds[: self._sumo_count] = heeds[: self._sumo_count]
+        self._towing, self._towed, self._lead_m = bodies.towing, bodies.towed, bodies.lead_m
+        self._tower = np.full(len(self._half_m), -1)
+        self._tower[bodies.towed] = bodies.towing.leader
         self._traffic = traffic
         self._tick_s = tick_s
         self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
@@ -128,7 +132,7 @@ class CarefulDrivers:
             point_m: (M, 3) their leading points.
             rear_m: (M, 3) their rear axles.
             position_m: (G, 3) current positions of all bodies.
-            ahead: (V, 2) unit vectors of the vehicles' headings.
+            ahead: (V, 2) unit vectors of the headings of vehicles and of what they tow.
             is_reversing: (M,) whether each of SUMO's vehicles moves backward.
             has_stopped: (G,) whether each body has crashed and never moves again.
             on_sidewalk: (P,) whether each pedestrian is on a sidewalk.
@@ -159,9 +163,20 @@ class CarefulDrivers:
         driving = np.flatnonzero(~has_stopped[: self._sumo_count] & (self._predictor.speed_mps > _STANDING_MPS))
         prediction = self._predictor.predict(driving, is_released=False)
         center_m[driving], forward[driving] = prediction.center_m, prediction.forward
+        self._predict_towed(center_m, forward)
         return PredictedTrajectories(
             np.concatenate([center_m, pedestrians.center_m]), np.concatenate([forward, pedestrians.forward])
         )
+
+    def _predict_towed(self, center_m: Float64Array, forward: Float64Array) -> None:
+        """Let the units that vehicles tow follow (V, K, 2) predicted centers and headings, which are completed."""
+        towing, towed = self._towing, self._towed
+        to_hitch_m = (self._lead_m[towing.leader] - towing.behind_m)[:, None, None]
+        hitch_m = center_m[towing.leader] + to_hitch_m * forward[towing.leader]
+        for number in range(1, len(TIMES_S)):
+            step_m = hitch_m[:, number] - hitch_m[:, number - 1]
+            forward[towed, number] = towed_headings(forward[towed, number - 1], step_m, towing.length_m)
+        center_m[towed] = hitch_m - self._lead_m[towed, None, None] * forward[towed]
 
     def _resolve_conflicts(
         self, drivers: Int64Array, now: PredictedTrajectories, height_m: Float64Array, has_stopped: BoolArray
@@ -170,6 +185,7 @@ class CarefulDrivers:
         predicted = PredictedTraffic(self._half_m, height_m, self._predict_released(now), now)
         moving = drivers[~predicted.own.stays[drivers]]
         conflicts = predicted.find_conflicts(moving, self._patient)
+        conflicts = conflicts.select(self._tower[conflicts.other] != conflicts.driver)
         is_pedestrian = conflicts.other >= self._vehicles
         conflicts = conflicts.select(self._heeds[conflicts.driver, is_pedestrian.astype(np.intp)])
         needed_mps2, brakes = self._decide_braking(conflicts, predicted)

@@ -19,6 +19,7 @@ _MIN_JOLT_MPS2 = 11.0  # minimum acceleration that counts as an impact for a bod
 _BISECTION_STEPS = 8  # halvings of the tick of an impact: 4 mm for a step of 1 m
 _MOMENTUM_SWEEPS = 8  # sweeps over all contacts of a tick, until bodies pushed by each other share one velocity
 _MAX_DRIFT_M = 1.5  # along each axis, between two searches for bodies near each other
+_NONE = np.zeros((0, 2), np.int64)
 _MAX_EXACT_ROUNDS = 4  # rounds of consequential impacts within a tick; bodies that touch later stay where they were
 
 
@@ -46,11 +47,17 @@ class Collisions:
     """
 
     def __init__(
-        self, boxes: BodyBoxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float, parked: int = 0
+        self,
+        boxes: BodyBoxes,
+        position_m: Float64Array,
+        rpy_rad: Float64Array,
+        tick_s: float,
+        parked: int = 0,
+        coupled: Int64Array = _NONE,
     ) -> None:
         """Start at rest at (G, 3) positions and (G, 3) roll, pitch, yaw; pairs that touch now may do so until apart.
 
-        The last ``parked`` bodies never move.
+        The last ``parked`` bodies never move. The (T, 2) ``coupled`` pairs, vehicles and what they tow, crash together.
         """
         self.crashed: BoolArray = np.zeros(len(position_m), bool)
         self.impacts: tuple[Impact, ...] = ()
@@ -63,6 +70,7 @@ class Collisions:
         self._mass[len(self._mass) - parked :] = _IMMOVABLE
         self._searched_m, self._near_pairs = np.full((len(position_m), 2), np.inf), np.zeros((0, 2), np.int64)
         self._initial_pairs = _pair_set(self._touching_pairs(position_m, rpy_rad))
+        self._coupled, self._couplings = coupled, _pair_set(coupled)
         self._reported_pairs: set[tuple[int, int]] = set()
         self._contacts: dict[tuple[int, int], None] = {}
 
@@ -98,6 +106,7 @@ class Collisions:
                 else 0.0
             )
             np.minimum.at(fraction, pairs, fraction[pairs] * np.reshape(free, (-1, 1, 1)))
+            fraction[self._coupled] = fraction[self._coupled].min(axis=1, keepdims=True)
             position_m = np.where(fraction < 1.0, self._position_m + fraction * step_m, position_m)
             rpy_rad = np.where(fraction < 1.0, self._rpy_rad + fraction * turn_rad, rpy_rad)
             touching = self._touching_pairs(position_m, rpy_rad)
@@ -123,8 +132,9 @@ class Collisions:
         return self._velocity_mps * (slower_mps / np.maximum(speed_mps, 1e-9)) * self._tick_s
 
     def _new_pairs(self, pairs: Int64Array) -> Int64Array:
-        """The (K, 2) pairs without those that have touched from the beginning."""
-        return pairs[[key not in self._initial_pairs for key in map(tuple, pairs.tolist())]]
+        """The (K, 2) pairs without those that have touched from the beginning or are coupled."""
+        known = self._initial_pairs | self._couplings
+        return pairs[[key not in known for key in map(tuple, pairs.tolist())]]
 
     def _collide(self, pairs: Int64Array, position_m: Float64Array) -> None:
         """Give both bodies of each of (K, 2) pairs the velocity that conserves their momentum; report impacts."""
@@ -135,6 +145,10 @@ class Collisions:
             if (a, b) not in self._reported_pairs or speed_mps > _MIN_IMPACT_MPS:
                 self._report((a, b), position_m, speed_mps)
             self.crashed[both] = True
+        for a, b in self._coupled.tolist():
+            if self.crashed[a] or self.crashed[b]:
+                self._contacts[a, b] = None
+                self.crashed[[a, b]] = True
         for pair in [*self._contacts] * _MOMENTUM_SWEEPS:
             both, mass = list(pair), self._mass[list(pair)]
             self._velocity_mps[both] = mass @ self._velocity_mps[both] / mass.sum()
@@ -152,7 +166,7 @@ class Collisions:
         reported = {impact.bodies for impact in self.impacts}
         for pair in self._contacts:
             jolt_mps = float(change_mps[list(pair)].max())
-            if pair not in reported and jolt_mps > _MIN_JOLT_MPS2 * self._tick_s:
+            if pair not in reported | self._couplings and jolt_mps > _MIN_JOLT_MPS2 * self._tick_s:
                 self._report(pair, position_m, jolt_mps)
 
     def _free_fraction(self, pairs: Int64Array, step_m: Float64Array, turn_rad: Float64Array) -> Float64Array:

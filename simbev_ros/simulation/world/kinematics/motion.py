@@ -9,7 +9,7 @@ central differences of the poses, so that they integrate back to them. Everythin
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.simulation.world.kinematics.collisions import Collisions
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints, GroundPlanes
+from simbev_ros.simulation.world.kinematics.towing import TowedUnits, Towing
 
 _SETTLING_FRACTION = 0.4  # window for heights divided by the points' window: long enough to act like springs
 
@@ -27,6 +28,8 @@ _SETTLING_FRACTION = 0.4  # window for heights divided by the points' window: lo
 @dataclass(frozen=True, slots=True)
 class Bodies:
     """How N bodies hang on G leading points (a rider and the bicycle below share one).
+
+    Vehicles come first, then the units that they tow, whose points are their hitches, then pedestrians.
 
     Attributes:
         point: (N,) int64 index of each body's leading point.
@@ -36,6 +39,7 @@ class Bodies:
         mount_m: (N, 3) the body's origin in the frame of the body that follows the point; zero for that body itself.
         contacts: Contact points of the bodies that follow points.
         boxes: Boxes of the bodies that follow points.
+        towing: How the towed units hang on vehicles.
     """
 
     point: Int64Array
@@ -45,6 +49,16 @@ class Bodies:
     mount_m: Float64Array
     contacts: ContactPoints
     boxes: BodyBoxes
+    towing: Towing = field(default_factory=Towing)
+
+    @property
+    def towed(self) -> slice:
+        """Rows of the towed units among the G bodies."""
+        return slice(self.boxes.vehicles - len(self.towing.leader), self.boxes.vehicles)
+
+    def with_towed(self, rows: Float64Array) -> Float64Array:
+        """(G, …) rows from those of the bodies that SUMO knows; towed units have those of their vehicles."""
+        return np.concatenate([rows[: self.towed.start], rows[self.towing.leader], rows[self.towed.start :]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +135,13 @@ class Motion:
 
         Args:
             bodies: The bodies that move.
-            point_m: (G, 4) leading points, and the height of each body above the carriageway.
-            direction: (G, 3) unit vectors of the headings.
+            point_m: (G - T, 4) leading points, and the height of each body above the carriageway; those of the T towed
+                units follow from them.
+            direction: (G - T, 3) unit vectors of the headings.
             tick_s: Time between two points.
             half_window_ticks: Number of points on each side of the center of an average.
             ground_planes: The ground below the bodies; None: level ground, bodies stand at the heights of their points.
-            axle_m: (G, 3) rear axles that are given at each tick; NaN: towed; None: all are towed.
+            axle_m: (G - T, 3) rear axles that are given at each tick; NaN: towed; None: all are towed.
             parked: (K,) ``ACTOR_DTYPE`` vehicles that never move, into which bodies may crash; None: there are none.
         """
         self._bodies = bodies
@@ -140,14 +155,18 @@ class Motion:
         self._steered = np.flatnonzero(~np.isnan(axle_m[:, 0]))
         self._axle_window = _MovingAverage(half_window_ticks)
         self._axle_window.add(axle_m[self._steered])
+        point_m, direction = bodies.with_towed(point_m), bodies.with_towed(direction)
         self._lead_m = point_m[:, :3].copy()
+        self._towed_units = TowedUnits(bodies.towing, self._lead_m, direction)
+        self._lead_m[bodies.towed] = self._towed_units.hitch_m
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction
         poses = self._poses(np.zeros(len(point_m)), point_m[:, 3])
         parked = np.zeros(0, ACTOR_DTYPE) if parked is None else parked
         self._parked = _columns(parked, "x", "y", "z"), _columns(parked, "roll", "pitch", "yaw")
         size_m = np.concatenate([bodies.boxes.size_m, _columns(parked, "length", "width", "height")])
         boxes = BodyBoxes(size_m, bodies.boxes.vehicles)
-        self.collisions = Collisions(boxes, *self._beside_parked(poses), tick_s, len(parked))
+        coupled = np.column_stack([bodies.towing.leader, np.arange(bodies.towed.start, bodies.towed.stop)])
+        self.collisions = Collisions(boxes, *self._beside_parked(poses), tick_s, len(parked), coupled)
         position_m, rpy_rad = self._mount_bodies(*poses)
         self._position_m = np.repeat(position_m[None], 3, axis=0)
         self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
@@ -158,18 +177,18 @@ class Motion:
         return self._point_window.half_ticks + self._plan_window.half_ticks + 1
 
     def advance_motion(self, point_m: Float64Array, axle_m: Float64Array | None = None) -> Kinematics:
-        """Take the next (G, 4) leading points and (G, 3) rear axles as at the start.
+        """Take the next (G - T, 4) leading points and (G - T, 3) rear axles as at the start.
 
         Returns:
             The kinematics ``delay_ticks`` before them.
         """
         self._point_window.add(point_m)
-        smoothed = self._point_window.average()
+        smoothed = self._bodies.with_towed(self._point_window.average())
         if axle_m is not None:
             self._axle_window.add(axle_m[self._steered])
         poses = self._poses(self._move_axles(smoothed[:, :3], self._axle_window.average()), smoothed[:, 3])
         resolved = self.collisions.resolve(*self._beside_parked(poses))
-        position_m, rpy_rad = self._mount_bodies(*(pose[: len(point_m)] for pose in resolved))
+        position_m, rpy_rad = self._mount_bodies(*(pose[: len(smoothed)] for pose in resolved))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
@@ -192,6 +211,9 @@ class Motion:
         to_lead_m[steered] = lead_m[steered] - axle_m
         forward_m = (self._bodies.trail_m / np.linalg.norm(to_lead_m, axis=1))[:, None] * to_lead_m
         lead_m[steered] = axle_m + forward_m[steered]
+        towed, units, trail_m = self._bodies.towed, self._towed_units, self._bodies.trail_m[:, None]
+        units.follow(lead_m, forward_m / trail_m)
+        lead_m[towed], forward_m[towed] = units.hitch_m, trail_m[towed] * units.forward
         rear_m = lead_m - forward_m
         step_m = lead_m - self._lead_m
         self._rear_m = np.where(np.any(step_m != 0.0, axis=1)[:, None], rear_m, self._rear_m)

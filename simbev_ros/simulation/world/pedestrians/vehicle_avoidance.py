@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.simulation.world.kinematics.motion import Bodies
+from simbev_ros.simulation.world.kinematics.towing import TowedUnits
 
 _CLEARANCE_M = 0.8  # from the center of a pedestrian to the side of a vehicle
 _LOOK_AHEAD_S = 1.0
@@ -26,8 +27,8 @@ class VehicleAvoidance:
 
     Attributes:
         rear_m: (V, 3) the vehicles' rear axles.
-        center_m: (V, 3) their centers.
-        ahead: (V, 2) unit vectors of their headings.
+        center_m: (V + T, 3) their centers, then those of the units that they tow.
+        ahead: (V + T, 2) unit vectors of their headings.
         is_reversing: (V,) whether each of them moves backward.
     """
 
@@ -37,24 +38,25 @@ class VehicleAvoidance:
         """Start at rest.
 
         Args:
-            bodies: All bodies; the first V are the vehicles'.
+            bodies: All bodies; the first V are the vehicles', and T towed units follow.
             point_m: (V, 3) their leading points, map frame.
             direction: (V, 3) unit vectors of their headings.
             max_mps: (P,) maximum speeds of the pedestrians.
         """
         vehicles = len(point_m)
         self._trail_m, self._lead_m = bodies.trail_m[:vehicles, None], bodies.lead_m[:vehicles, None]
-        self._half_m = bodies.boxes.size_m[:vehicles, :2] / 2.0
+        self._half_m = bodies.boxes.size_m[: bodies.boxes.vehicles, :2] / 2.0
+        self._leader, self._towed_lead_m = bodies.towing.leader, bodies.lead_m[bodies.towed, None]
         clearance_m = _EVASION_CLEARANCE_M + _CORNER_S * np.maximum(max_mps - _WALKING_MPS, 0.0)
-        self._reach_m = bodies.boxes.size_m[vehicles:, 0] / 2.0 + clearance_m
+        self._reach_m = bodies.boxes.size_m[bodies.boxes.vehicles :, 0] / 2.0 + clearance_m
         self._point_m = point_m
         self.rear_m = point_m - self._trail_m * direction
-        self.center_m = point_m - self._lead_m * direction
-        self.ahead: Float64Array = direction[:, :2] / np.linalg.norm(direction[:, :2], axis=1, keepdims=True)
+        self._towed_units = TowedUnits(bodies.towing, point_m, direction)
+        self._place(direction)
         self.is_reversing: BoolArray = np.zeros(vehicles, bool)
 
     def rest_crashed(self, vehicle: Int64Array, center_m: Float64Array, yaw_rad: Float64Array) -> None:
-        """Keep (N,) crashed vehicles where they come to rest, at (N, 3), instead of where SUMO has them."""
+        """Keep (N,) crashed bodies where they come to rest, at (N, 3), instead of where SUMO has them."""
         self.center_m[vehicle] = center_m
         self.ahead[vehicle] = np.column_stack([np.cos(yaw_rad), np.sin(yaw_rad)])
 
@@ -110,8 +112,11 @@ class VehicleAvoidance:
         curvature_per_m = np.clip(turn_rad / np.maximum(step_m, 1e-9), -_MAX_CURVATURE_PER_M, _MAX_CURVATURE_PER_M)
         speed_mps = step_m / tick_s
         self._point_m, self.rear_m = point_m, point_m - self._trail_m * forward
-        self.center_m = center_m = point_m - self._lead_m * forward
-        self.ahead = forward[:, :2] / np.linalg.norm(forward[:, :2], axis=1, keepdims=True)
+        self._towed_units.follow(point_m, forward)
+        self._place(forward)
+        center_m, leader = self.center_m, self._leader
+        speed_mps, is_reversing = (np.append(each, each[leader]) for each in (speed_mps, self.is_reversing))
+        curvature_per_m = np.append(curvature_per_m, np.zeros(len(leader)))
         driving = np.flatnonzero(speed_mps > _STANDING_MPS)
         if not len(driving) or not len(desired_m):
             return desired_m
@@ -121,7 +126,7 @@ class VehicleAvoidance:
         pedestrian: Int64Array = np.concatenate(near).astype(np.int64)
         ahead = self.ahead[vehicle]
         left = left_of(ahead)
-        travel = np.where(self.is_reversing[vehicle], -1.0, 1.0)
+        travel = np.where(is_reversing[vehicle], -1.0, 1.0)
         gap_m = (desired_m[pedestrian] - center_m[vehicle])[:, :2]
         along_m = travel * np.sum(gap_m * ahead, axis=1)
         path_offset_m = travel * curvature_per_m[vehicle] * np.maximum(along_m, 0.0) ** 2 / 2.0
@@ -134,6 +139,14 @@ class VehicleAvoidance:
         step_m = (side * lacking_m)[:, None] * left
         position_m[:, :2] += _sum_by_pedestrian(step_m[is_grazed], pedestrian[is_grazed], len(position_m))
         return position_m
+
+    def _place(self, forward: Float64Array) -> None:
+        """Set centers and headings of vehicles with (V, 3) headings, and of what they tow."""
+        units = self._towed_units
+        towed_m = units.hitch_m - self._towed_lead_m * units.forward
+        self.center_m: Float64Array = np.concatenate([self._point_m - self._lead_m * forward, towed_m])
+        plan = np.concatenate([forward, units.forward])[:, :2]
+        self.ahead: Float64Array = plan / np.linalg.norm(plan, axis=1, keepdims=True)
 
 
 def _sum_by_pedestrian(step_m: Float64Array, pedestrian: Int64Array, count: int) -> Float64Array:

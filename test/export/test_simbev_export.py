@@ -241,7 +241,8 @@ def test_types_have_carlas_prefixes() -> None:
     rows = blank_boxes(len(load_blueprints()))
     rows["blueprint"] = np.arange(len(rows))
     types = {record["type"] for record in box_records(rows, np.zeros(0, SIGNAL_DTYPE), {**legend(), "signals": []})}
-    assert {"vehicle.sedan", "walker.pedestrian.man", "walker.pedestrian.worker", "static.prop.traffic_cone"} <= types
+    assert {"vehicle.sedan", "vehicle.trailer.caravan", "walker.pedestrian.man", "walker.pedestrian.worker"} <= types
+    assert "static.prop.traffic_cone" in types
     prefixes = ("vehicle.", "walker.pedestrian.", "static.prop.", "rider.")  # riders have no boxes
     assert all(name.startswith(prefixes) for name in types)
 

@@ -33,7 +33,7 @@ _STATES = {
 }
 """CARLA's names of signal states; it has no red with yellow, which still forbids driving."""
 
-_CARLA_KINDS = {"pedestrian": "walker.pedestrian", "prop": "static.prop"}
+_CARLA_KINDS = {"pedestrian": "walker.pedestrian", "prop": "static.prop", "trailer": "vehicle.trailer"}
 """First words of CARLA's type names that differ from those of our blueprints."""
 
 _MPS_TO_KMH = 3.6

@@ -25,7 +25,7 @@ class BagFiles:
         zstd_level: Compression level of chunks; None: chunks are not compressed.
         split_bytes: A file of this size is closed and a new one is started; None: there is only one file.
         sync_bytes: Amount of payload that is synced to disk together, while the next is written.
-        min_free_bytes: Space that must stay free on the disk; checked before every sync.
+        min_free_bytes: Space that must stay free on the disk; checked before every chunk and every sync.
 
     Attributes:
         definitions: Definitions of all topics; each file contains all of them.
@@ -76,6 +76,7 @@ class BagFiles:
                 self._join_sync()
                 self._file.close({}, self.definitions)
                 self._file = self._next_file()
+            check_space(self._folder, self._min_free_bytes)
             self._file.add_chunk(chunk, self.definitions, packed)
         self.counts.update({channel_id: len(entries) for channel_id, entries in chunk.index_entries.items()})
         self.files[-1].add_messages([stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries])

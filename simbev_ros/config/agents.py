@@ -1,6 +1,7 @@
 """Agents in one scene: the ego, and the section ``agents`` with the vehicles and roadside units that carry rigs."""
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import chain
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -174,7 +175,7 @@ class Agent(Ego):
 
     def _require_fitting_mast(self, mast: Mast) -> None:
         """Refuse a mast that is too high, or too few poses."""
-        for sensor in self.rig.sensors:
+        for sensor in chain.from_iterable(rig.sensors for rig in self.rig.extremes):
             height_m = mast.height_m + sensor.pose.z_m
             if height_m > MAX_SENSOR_HEIGHT_M:
                 raise FieldError(
@@ -237,7 +238,7 @@ def require_heights_of_vehicle(rig: Rig) -> None:
     Raises:
         FieldError: A sensor is too high.
     """
-    for index, sensor in enumerate(rig.sensors):
+    for index, sensor in chain.from_iterable(enumerate(each.sensors) for each in rig.extremes):
         if sensor.pose.z_m > MAX_HEIGHT_ON_VEHICLE_M:
             raise FieldError(
                 ["rig", "sensors", index, "pose", "z_m"],

@@ -106,3 +106,19 @@ def test_values_that_contradict_each_other_in_a_scene_are_named():
     ):
         for planned in planned_scenes(config):
             draw_scene(config, planned, load_network(planned.map))
+
+
+@pytest.mark.parametrize(("carrier", "highest_m"), [("", 30), ("mast: {height_m: 150, poses: [{x_m: 0, y_m: 0}]}", 60)])
+def test_sensors_of_other_agents_are_not_drawn_too_high(carrier: str, highest_m: float):
+    agents = f"""
+agents:
+  - name: other
+    rig:
+      sensors: [{{type: lidar, name: lidar}}]
+      drawn: {{lidar: {{pose.z_m: {{uniform: [1, {highest_m}]}}}}}}
+    {carrier}
+"""
+    with pytest.raises(
+        InputError, match="at most 20" if not carrier else "with it, sensor lidar is 210 m above the foot"
+    ):
+        scenario(DRAWN + agents)

@@ -9,7 +9,8 @@ from pydantic import BaseModel
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import find_config, load_scenario
-from simbev_ros.config.scenario import Parked, Scenario
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.traffic import Parked
 
 SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "rendering", "recording")
 

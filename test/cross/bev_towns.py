@@ -14,7 +14,8 @@ from simbev_ros.config.agents import Ego
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.places import SpawnPose
-from simbev_ros.config.scenario import MapScenes, Timing, Traffic
+from simbev_ros.config.scenario import MapScenes, Timing
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table

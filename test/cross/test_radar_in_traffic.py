@@ -7,7 +7,7 @@ from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
-from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.types import Float64Array, Table, UInt32Array
 from simbev_ros.maps.build import load_network

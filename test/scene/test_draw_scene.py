@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network

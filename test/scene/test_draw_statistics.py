@@ -10,7 +10,8 @@ from scipy import stats
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Scenario, Timing, Traffic
+from simbev_ros.config.scenario import Scenario, Timing
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network

@@ -9,7 +9,8 @@ import pytest
 from simbev_ros.config.agents import Ego
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.places import SpawnPose
-from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

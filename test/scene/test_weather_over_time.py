@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.geodesy import MapDatum

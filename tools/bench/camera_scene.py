@@ -8,7 +8,8 @@ from simbev_ros.assets.regions.static_cache import load_static_scene, load_stree
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import MapScenes, Timing, Traffic
+from simbev_ros.config.scenario import MapScenes, Timing
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.process_memory import freeze_after_loading
 from simbev_ros.maps.build import load_network

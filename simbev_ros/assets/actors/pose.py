@@ -111,25 +111,7 @@ def standing_pose(
         stick: Tip of a stick in the right hand, from the hand and over the height, that is set down with that leg.
     """
     hip = np.array([0.0, 0.0, _STANDING * height_m])
-    joints = {}
-    for side, sign in _SIDES:
-        at_hip = hip + np.array([0.0, sign * HIP_HALF * height_m, 0.0])
-        knee = at_hip + down(0.0, THIGH * height_m)
-        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders - 0.006), SHOULDER_ABOVE_HIP])
-        elbow = shoulder + down(0.0, UPPER_ARM * height_m) + [0.0, sign * 0.020 * height_m, 0.0]
-        wrist = elbow + down(0.0, FOREARM * height_m)
-        if side in held:
-            mirror, arm = np.array([1.0, sign, 1.0]), held[side]
-            reach_m, toward = height_m * mirror * arm.wrist, mirror * arm.elbow
-            elbow, wrist = shoulder + bend_toward(reach_m, UPPER_ARM * height_m, FOREARM * height_m, toward)
-        joints[side] = {
-            "hip": at_hip,
-            "knee": knee,
-            "ankle": knee + down(0.0, SHIN * height_m),
-            "shoulder": shoulder,
-            "elbow": elbow,
-            "wrist": wrist,
-        }
+    joints = _standing_joints(hip, height_m, shoulders, held)
     lengths = [gait.stride * tall_m / height_m for gait in gaits]
     rows = zip(gaits, lengths, strict=True)
     strides, right = zip(*(both_strides(gait, own, sole, limps=limps) for gait, own in rows), strict=True)
@@ -156,6 +138,32 @@ def standing_pose(
         trunk_rad=np.stack([np.full(PHASES, each.lean_rad) for each in strides]),
         rise_m=np.stack([(each.hip - _STANDING) * height_m for each in strides]),
     )
+
+
+def _standing_joints(
+    hip: Float64Array, height_m: float, shoulders: float, held: Mapping[str, ArmPose]
+) -> dict[str, dict[str, Float64Array]]:
+    """Joints of both sides of an upright figure; arguments as for ``standing_pose``."""
+    joints: dict[str, dict[str, Float64Array]] = {}
+    for side, sign in _SIDES:
+        at_hip = hip + np.array([0.0, sign * HIP_HALF * height_m, 0.0])
+        knee = at_hip + down(0.0, THIGH * height_m)
+        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders - 0.006), SHOULDER_ABOVE_HIP])
+        elbow = shoulder + down(0.0, UPPER_ARM * height_m) + [0.0, sign * 0.020 * height_m, 0.0]
+        wrist = elbow + down(0.0, FOREARM * height_m)
+        if side in held:
+            mirror, arm = np.array([1.0, sign, 1.0]), held[side]
+            reach_m, toward = height_m * mirror * arm.wrist, mirror * arm.elbow
+            elbow, wrist = shoulder + bend_toward(reach_m, UPPER_ARM * height_m, FOREARM * height_m, toward)
+        joints[side] = {
+            "hip": at_hip,
+            "knee": knee,
+            "ankle": knee + down(0.0, SHIN * height_m),
+            "shoulder": shoulder,
+            "elbow": elbow,
+            "wrist": wrist,
+        }
+    return joints
 
 
 def seated_pose(seat: Seat, height_m: float, shoulders: float) -> Pose:

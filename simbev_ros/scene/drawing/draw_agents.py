@@ -12,8 +12,9 @@ from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.draw import sample
 from simbev_ros.config.places import Mast, SpawnPose
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.sensor import Pose
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array

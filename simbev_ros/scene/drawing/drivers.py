@@ -5,7 +5,7 @@ from typing import TypedDict, get_args
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.random import stream
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.schema.scene.spec import Ignored, VehicleSpec, WaypointSpec

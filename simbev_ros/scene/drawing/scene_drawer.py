@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork

@@ -14,7 +14,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.geometry.transforms import apply
 from simbev_ros.maps.build import load_network
 from simbev_ros.ros.msgs.tables import message_from_table

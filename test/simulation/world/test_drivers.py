@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from world_scenes import NOON, TICK_S, blocks, of_kind, run, scene
 
-from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.drivers import draw_driver
 from simbev_ros.schema.scene.state import Behavior, Light

@@ -8,7 +8,8 @@ from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.assets.street.parking_spots import SPOT_DTYPE, SpotKind
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import MapScenes, Parked, Timing, Traffic
+from simbev_ros.config.scenario import MapScenes, Timing
+from simbev_ros.config.traffic import Parked, Traffic
 from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

@@ -10,7 +10,8 @@ from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.assets.street.rest_kinds import RestKind, seats_among
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import MapScenes, Parked, Timing, Traffic
+from simbev_ros.config.scenario import MapScenes, Timing
+from simbev_ros.config.traffic import Parked, Traffic
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.build import load_network

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Ego, MapScenes, Timing, Traffic
+from simbev_ros.config.scenario import Ego, MapScenes, Timing
+from simbev_ros.config.traffic import Traffic
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

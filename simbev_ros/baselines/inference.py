@@ -24,6 +24,9 @@ WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 """Weights that come with the package: ``lidar.onnx`` and so on."""
 ABOUT_KEY = "simbev_ros"
 """Metadata of an ONNX file: what it is, as JSON."""
+_SMALL = ("small_heat", "small_boxes")
+_HEADS = ("heat", "boxes", *_SMALL)
+"""Outputs with peaks and values of boxes; models of earlier versions have all classes in the first two."""
 _MAX_SWEEPS, _MAX_AGE_S = 64, 60.0
 _MAX_IMAGE_VALUES = 1 << 28
 
@@ -72,6 +75,8 @@ class Baseline:
             self.about = about
             self.modality = Modality(about["modality"])
             self.sweep_ages_ns = _sweep_ages_ns(about["sweep_ages_s"])
+        outputs = {each.name for each in self._session.get_outputs()}
+        self._heads = [name for name in _HEADS if name in outputs or name not in _SMALL]
         with foreign_content(f"{path}: inputs"):
             shapes = {each.name: each.shape for each in self._session.get_inputs()}
             images = [int(each) for each in shapes.get("images") or ()]
@@ -103,9 +108,10 @@ class Baseline:
         }
         try:
             feed = {each.name: given[each.name] for each in self._session.get_inputs()}
-            cells, heat, values = self._session.run(["cells", "heat", "boxes"], feed)
+            cells, *heads = self._session.run(["cells", *self._heads], feed)
+            boxes = decode_boxes(list(zip(heads[::2], heads[1::2], strict=True)))
             later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
-            return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, decode_boxes(heat, values))
+            return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, boxes)
         except Exception as error:  # ONNX Runtime's errors have no common base
             raise InputError(f"{self._path}: cannot answer: {' '.join(str(error).split())[:200]}") from error
 

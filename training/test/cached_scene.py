@@ -61,6 +61,7 @@ def write_cached_scene(cache: Path, frames: int = 2, name: str = "Plain-0000", s
         np.save(folder / f"{stem}.npy", array)
     about = {"format": FORMAT, "name": name, "map": "Plain", "split": split, "weather": {}}
     about |= {"cameras": [f"cam_{k}" for k in range(CAMERAS)], "width_px": WIDTH_PX, "height_px": HEIGHT_PX}
+    about |= {"lidar_m": [0.0, 0.0, 1.8], "ring_deg": 41.34 / 127}
     (folder / SCENE_FILE).write_text(json.dumps(about), encoding="utf-8")
     return folder
 

@@ -51,11 +51,11 @@ def test_a_split_without_scenes_is_named(tmp_path: Path) -> None:
 def test_a_cache_of_another_version_is_refused(tmp_path: Path) -> None:
     folder = write_cached_scene(tmp_path)
     (folder / "scene.json").write_text('{"format": 99}', encoding="utf-8")
-    with pytest.raises(InputError, match=r"scene\.json: format: 99; this version reads 2"):
+    with pytest.raises(InputError, match=r"scene\.json: format: 99; this version reads 3"):
         _ = CachedScene(folder).about
 
 
-@pytest.mark.parametrize("content", ["[]", "[" * 100_000, "{", '{"format": 2}'], ids=["list", "deep", "cut", "short"])
+@pytest.mark.parametrize("content", ["[]", "[" * 100_000, "{", '{"format": 3}'], ids=["list", "deep", "cut", "short"])
 def test_damaged_facts_about_a_scene_are_named(tmp_path: Path, content: str) -> None:
     folder = write_cached_scene(tmp_path)
     (folder / "scene.json").write_text(content, encoding="utf-8")

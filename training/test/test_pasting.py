@@ -19,6 +19,7 @@ POSES = tuple(np.array([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0.2], [0, 0, 0, 1]
 LENGTH_M, WIDTH_M, HEIGHT_M = 8.0, 2.4, 3.0
 PLACE = (18.0, 6.0, HEIGHT_M / 2)
 YAW_RAD = 0.3
+LIDAR_M = np.array([0.0, 0.0, 1.8])
 SPEED_MPS = 6.0
 
 
@@ -54,7 +55,7 @@ def sample(points: list[Float64Array], cells: AnyArray, boxes: AnyArray) -> Samp
         ego_from_level = np.linalg.inv(level_from_map @ pose)
         sweeps.append(np.rint((level @ ego_from_level[:3, :3].T + ego_from_level[:3, 3]) * 100).astype(np.int16))
     nothing = np.zeros((0, 3, 4), np.float32)
-    return Sample(tuple(sweeps), POSES, (), nothing, np.zeros((0, 0, 0), np.float32), cells, boxes)
+    return Sample(tuple(sweeps), POSES, (), nothing, np.zeros((0, 0, 0), np.float32), cells, boxes, LIDAR_M, 0.0)
 
 
 @pytest.fixture

@@ -1,12 +1,13 @@
 """Training on the CPU: targets fit augmented inputs, all weights learn, runs resume."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cached_scene import CAR, YAW_RAD, write_cached_scene
+from cached_scene import CAR, PEDESTRIAN, YAW_RAD, write_cached_scene
 
 torch = pytest.importorskip("torch", reason="training needs it: pip install ./training[torch]")
 pytest.importorskip("onnx", reason="training needs it: pip install ./training[torch]")
@@ -70,7 +71,15 @@ def test_statistics_do_not_depend_on_the_order_of_points() -> None:
     assert torch.equal(pillar_statistics(points, sample, 1), pillar_statistics(points[order], sample, 1))
 
 
-@pytest.mark.parametrize("augmentation", [None, WILD, WILD.model_copy(update={"translation_m": 3.0})])
+@pytest.mark.parametrize(
+    "augmentation",
+    [
+        None,
+        WILD,
+        WILD.model_copy(update={"translation_m": 3.0}),
+        WILD.model_copy(update={"tilt_deg": 1.5, "ground_m": 0.5}),
+    ],
+)
 def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmentation | None) -> None:
     batch = batches(tmp_path, Modality.FUSED, augmentation)[0]
     targets, (points, _) = targets_of(batch), batch.points()
@@ -109,11 +118,17 @@ def test_the_same_seed_and_epoch_give_the_same_batch(tmp_path: Path) -> None:
 def test_a_box_survives_its_targets(tmp_path: Path) -> None:
     """Targets taken as the answer decode to the boxes that they were made from."""
     targets = targets_of(batches(tmp_path, Modality.LIDAR, None, size=1)[0])
-    values = np.zeros((10, FEATURE_CELLS * FEATURE_CELLS), np.float32)
-    values[:, targets.center.numpy()] = targets.boxes.numpy().T
-    heat = np.where(targets.heat[0].numpy() >= 1.0, 0.9, 0.0).astype(np.float32)
-    boxes = decode_boxes(heat, values.reshape(10, FEATURE_CELLS, FEATURE_CELLS))
-    car = boxes[boxes["class"] == 0]
+    peaks = []
+    for part in (targets.large, targets.small):
+        cells = part.heat.shape[-1]
+        values = np.zeros((10, cells * cells), np.float32)
+        chosen = part.weight.numpy() > 0
+        values[:, part.center.numpy()[chosen]] = part.boxes.numpy()[chosen].T
+        heat = np.where(part.heat[0].numpy() >= 1.0, 0.9, 0.0).astype(np.float32)
+        peaks.append((heat, values.reshape(10, cells, cells)))
+    boxes = decode_boxes(peaks)
+    car, pedestrian = (boxes[boxes["class"] == label] for label in (0, 5))
+    assert [pedestrian[name].item() for name in ("x", "y", "z")] == pytest.approx(PEDESTRIAN, abs=1e-4)
     assert [car[name].item() for name in ("x", "y", "z")] == pytest.approx(CAR, abs=1e-4)
     assert [car[name].item() for name in ("length", "width", "height")] == pytest.approx([4.0, 2.0, 1.6], rel=1e-5)
     assert car["yaw"].item() == pytest.approx(YAW_RAD, abs=1e-6)
@@ -143,7 +158,8 @@ def test_shapes_and_gradients(tmp_path: Path, modality: Modality, size: int) -> 
     batch, model = batches(tmp_path, modality, None, size)[0], BevModel(modality)
     outputs = model(inputs_of(batch, modality))
     assert outputs.cells.shape == (size, len(BEV_CLASSES), CELLS, CELLS)
-    assert outputs.heat.shape == (size, 6, FEATURE_CELLS, FEATURE_CELLS)
+    assert outputs.heat.shape == (size, 3, FEATURE_CELLS, FEATURE_CELLS)
+    assert outputs.small_heat.shape == (size, 3, CELLS, CELLS)
     assert (outputs.depth is not None) == modality.has_cameras
     losses = losses_of(outputs, targets_of(batch), batch.pixel_depth_m() if modality.has_cameras else None)
     sum(losses.values()).backward()
@@ -179,7 +195,7 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
             if progress.step == stop_after:  # type: ignore[attr-defined]
                 raise KeyboardInterrupt
 
-        train(training, tmp_path, tmp_path / name, device=torch.device("cpu"), workers=0, report=report)
+        train(training, [tmp_path], tmp_path / name, device=torch.device("cpu"), workers=0, report=report)
 
     run("whole", 99)
     with pytest.raises(KeyboardInterrupt):
@@ -192,7 +208,7 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
     once_more = training.model_copy(update={"average_with": (str(path),), "export_weights": "int8"})
     train(
         once_more,
-        tmp_path,
+        [tmp_path],
         tmp_path / "whole",
         device=torch.device("cpu"),
         workers=2,
@@ -202,7 +218,7 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="was made with another epochs; choose another folder"):
         train(
             training.model_copy(update={"epochs": 3}),
-            tmp_path,
+            [tmp_path],
             tmp_path / "whole",
             device=torch.device("cpu"),
             workers=0,
@@ -222,7 +238,7 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
     answer = Baseline(tmp_path / "model.onnx").answer(sample.points(), images, sample.pixel_from_level)
     with torch.no_grad():
         given = (torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level))
-        cells, _, _ = ExportedModel(model)(*given)
+        cells, *_ = ExportedModel(model)(*given)
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
 
 
@@ -241,7 +257,7 @@ def test_an_ensemble_answers_with_the_mean(tmp_path: Path, weights: str, toleran
     alone, both = (Baseline(file).answer(sample.points(), images, sample.pixel_from_level) for file in files)
     with torch.no_grad():
         given = [torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level)]
-        cells, _, _ = ExportedModel(fused, [lidar])(*given)
+        cells, *_ = ExportedModel(fused, [lidar])(*given)
     off = np.abs(both.cells.astype(int) - cells.numpy())
     assert off.max() <= tolerance
     assert np.abs(alone.cells.astype(int) - cells.numpy()).max() > 2 * tolerance
@@ -319,7 +335,9 @@ def test_a_file_to_start_from_that_is_no_model_is_named(tmp_path: Path, content:
     write_cached_scene(tmp_path)
     training = Training(modality=Modality.LIDAR, batch_size=1, start_from=(str(file),))
     with pytest.raises(InputError, match=rf"model\.onnx: {message}"):
-        train(training, tmp_path, tmp_path / "run", device=torch.device("cpu"), workers=0, report=lambda progress: None)
+        train(
+            training, [tmp_path], tmp_path / "run", device=torch.device("cpu"), workers=0, report=lambda progress: None
+        )
 
 
 @pytest.mark.parametrize("workers", [0, 1])
@@ -330,7 +348,7 @@ def test_a_damaged_cache_ends_training_with_one_line(tmp_path: Path, workers: in
     with pytest.raises(InputError, match=rf"\A{folder}: cannot be read: points has \d+ rows, [^\n]*\Z"):
         train(
             training,
-            tmp_path,
+            [tmp_path],
             tmp_path / "run",
             device=torch.device("cpu"),
             workers=workers,
@@ -358,7 +376,7 @@ def test_thinning_leaves_out_another_share_of_the_points_of_each_sample(tmp_path
     assert 0.85 < shares.max() < 1
 
 
-def test_a_coarse_lidar_has_every_second_ring() -> None:
+def test_a_coarse_lidar_has_every_second_ring(tmp_path: Path) -> None:
     elevation_deg = np.repeat(np.linspace(10.67, -30.67, 128), 256)
     azimuth_rad = np.tile(np.linspace(-np.pi, np.pi, 256), 128)
     ahead = np.cos(np.radians(elevation_deg))
@@ -366,9 +384,26 @@ def test_a_coarse_lidar_has_every_second_ring() -> None:
         [ahead * np.cos(azimuth_rad), ahead * np.sin(azimuth_rad), np.sin(np.radians(elevation_deg))]
     )
     points_cm = np.rint(100 * (rays * np.random.default_rng(0).uniform(20, 60, (len(rays), 1)) + [0, 0, 1.8]))
-    kept = Thinning(share=0.0, coarse=True, phase=0.3).kept(points_cm.astype(np.int16), np.random.default_rng(0))
+    whole = CachedScene(write_cached_scene(tmp_path)).sample(0, (0,))
+    sample = replace(whole, sweeps_cm=(points_cm.astype(np.int16),))
+    thinning = Thinning(share=0.0, coarse=True, phase=0.3)
+    [kept] = thinning.sweeps(sample, np.random.default_rng(0))
     ring = np.rint((10.67 - np.degrees(np.arctan2(kept[:, 2] - 180, np.hypot(kept[:, 0], kept[:, 1])))) * 127 / 41.34)
     rings, counts = np.unique(ring, return_counts=True)
     assert len(rings) == 64
     assert set(np.diff(rings)) == {2}
     assert set(counts) == {256}
+    [all_rings] = thinning.sweeps(replace(sample, ring_deg=0.0), np.random.default_rng(0))
+    assert len(all_rings) == len(points_cm)  # where rings lie is not known
+
+
+def test_one_sweep_and_no_points_nearby_are_drawn_for_each_sample(tmp_path: Path) -> None:
+    still = Augmentation(thinning=0, every_second_ring=0, flip=False, rotation_deg=0, scale=0, pasting=0)
+    drawn = batches(tmp_path, Modality.LIDAR, still.model_copy(update={"one_sweep": 0.5, "near_m": 6.0}), size=1)
+    nearest_m, alone = [], []
+    for step in range(0, 80, 2):
+        batch = drawn[step]
+        nearest_m.append(np.hypot(*batch.points_cm[: batch.points_of_sweep[0, 0], :2].numpy().T).min() / 100)
+        alone.append(int((batch.points_of_sweep[0] > 0).sum()) == 1)
+    assert np.mean(alone[1:]) > 0.25 and not all(alone)
+    assert np.min(nearest_m) < 1.5 and 4.5 < np.max(nearest_m) < 6.5

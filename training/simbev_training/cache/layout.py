@@ -1,7 +1,7 @@
 """Layout of a cache: a folder for each split and scene with NumPy files.
 
 =================  ===================================================================================================
-``scene.json``     name, SHA-256 of the bag, map, split, cameras, image size and conditions of the scene
+``scene.json``     name, SHA-256 of the bag, map, split, cameras, image size, lidar and conditions of the scene
 ``frames.npy``     (F,) ``FRAME_DTYPE``: the key frames
 ``sweeps.npy``     (S,) ``SWEEP_DTYPE``: all sweeps of the lidar
 ``points.npy``     (P, 3) int16 points of all sweeps, cm, in the ego frame of their stamp
@@ -16,7 +16,7 @@
 
 import numpy as np
 
-FORMAT = 2
+FORMAT = 3
 SCENE_FILE = "scene.json"
 CM_PER_M = 100.0
 MAX_POINT_M = 320.0

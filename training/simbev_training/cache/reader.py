@@ -29,6 +29,8 @@ class Sample:
         depth_m: (K, H / 8, W / 8) float32 depth; 0: none.
         cells: (CELLS, CELLS) uint16 grid.
         boxes: (B,) ``BOX_DTYPE``.
+        lidar_m: (3,) position of the lidar in the ego frame.
+        ring_deg: Angle between two of its rings; 0 if it is not always the same.
     """
 
     sweeps_cm: tuple[AnyArray | None, ...]
@@ -38,6 +40,8 @@ class Sample:
     depth_m: Float32Array
     cells: AnyArray
     boxes: Table
+    lidar_m: Float64Array
+    ring_deg: float
 
     def points(self) -> Float32Array:
         """(N, 4) points as from ``points_of_frame``."""
@@ -71,7 +75,9 @@ class CachedScene:
                 raise InputError(
                     f"{path}: format: {about.get('format')!r:.80}; this version reads {FORMAT}; write the cache again"
                 )
-            _ = [about[name] for name in ("name", "cameras", "width_px", "height_px")]
+            _ = [about[name] for name in ("name", "cameras", "width_px", "height_px")], float(about["ring_deg"])
+            if np.shape(about["lidar_m"]) != (3,) or not np.isfinite(np.array(about["lidar_m"], np.float64)).all():
+                raise ValueError("lidar_m must be three numbers")
         return about
 
     @cached_property
@@ -112,6 +118,8 @@ class CachedScene:
             depth_m=arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
             cells=arrays["cells"][index],
             boxes=np.asarray(arrays["boxes"][boxes]),
+            lidar_m=np.array(self.about["lidar_m"], np.float64),
+            ring_deg=float(self.about["ring_deg"]),
         )
 
     def _points_cm(self, sweep: int) -> AnyArray:

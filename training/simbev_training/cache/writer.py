@@ -13,6 +13,7 @@ from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.frames import IMAGE_STRIDE
 from simbev_ros.baselines.grid import CELL_M, CELLS, level_from_map
 from simbev_ros.baselines.modality import Modality
+from simbev_ros.config.lidar import Lidar
 from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.parallel import Pool
@@ -106,6 +107,8 @@ def write_scene(scene: Scene, cache: Path, modality: Modality, lidar: str) -> No
         "cameras": cameras,
         "width_px": width_px,
         "height_px": height_px,
+        "lidar_m": scene.calibration[lidar].ego_from_sensor[:3, 3].tolist(),
+        "ring_deg": _ring_deg(scene, lidar),
         "weather": scene.weather.model_dump(),
     }
     (making / SCENE_FILE).write_text(json.dumps(about, indent=1), encoding="utf-8")
@@ -188,6 +191,14 @@ def _problem_of(scene: Scene, cameras: list[str]) -> str:
         if isinstance(calibration.camera, LensCamera | FisheyeCamera):
             return f"camera {name}: has a distorting lens; the baselines need an ideal one"
     return "" if cameras else "has no camera with the modalities rgb and depth; a baseline that sees images needs one"
+
+
+def _ring_deg(scene: Scene, lidar: str) -> float:
+    """Angle between two rings of a lidar; 0 if it is not always the same."""
+    [sensor] = [each for each in scene.view.rig.of_type(Lidar) if each.name == lidar]
+    if sensor.elevations_deg is not None or sensor.rosette is not None:
+        return 0.0
+    return (sensor.upper_fov_deg - sensor.lower_fov_deg) / max(sensor.channels - 1, 1)
 
 
 def _points_cm(frame: Frame, lidar: str, ego_from_sensor: Float64Array) -> AnyArray:

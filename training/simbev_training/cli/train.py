@@ -18,7 +18,12 @@ def train(
         str,
         typer.Argument(help="Configuration file, or camera, lidar, fused.", metavar="CONFIG", show_default=False),
     ],
-    dataset: Annotated[Path, typer.Argument(help="The dataset; its split train is used.", show_default=False)],
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(
+            help="The dataset, or several; their split train is used.", metavar="DATASET...", show_default=False
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the run, new or begun.", show_default=False)],
     agent: AgentOption = None,
     cache: Cache = None,
@@ -35,6 +40,8 @@ def train(
     [bold]Examples[/]
 
     simbev train lidar datasets/baselines --out runs/lidar
+
+    simbev train lidar datasets/baselines datasets/road --out runs/lidar
 
     simbev train my.yaml datasets/baselines --out runs/mine --device cuda:1 --workers 8
     """
@@ -55,7 +62,9 @@ def train(
     starting_files(training, out)  # what is missing is said before the dataset is unpacked
     models_to_average(training)
     pool, console = processes(workers), make_console(stderr=True)
-    folder = filled_cache(dataset, cache, training.modality, pool, console, agent)
+    if cache is not None and len(datasets) > 1:
+        raise InputError("is for one dataset; those of several are next to them", parameter="cache")
+    folders = [filled_cache(each, cache, training.modality, pool, console, agent) for each in datasets]
     with counting_bar("steps", console, elapsed=True) as bar:
 
         def report(progress: Progress) -> None:
@@ -63,9 +72,9 @@ def train(
             bar.describe(f"steps, loss {total:.3f}, {progress.losses['samples_per_s']:.0f} samples/s")
             bar.show(progress.step, progress.steps)
 
-        run(training, folder, out, device=chosen, workers=pool.workers, report=report)
-    path = export_run(training, out, folder)
-    make_console().print(f"{path} is ready: simbev predict {path} {dataset} --out predictions")
+        run(training, folders, out, device=chosen, workers=pool.workers, report=report)
+    path = export_run(training, out, folders[0])
+    make_console().print(f"{path} is ready: simbev predict {path} {datasets[0]} --out predictions")
 
 
 def _device(torch: Any, name: str) -> Any:

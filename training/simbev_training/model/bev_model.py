@@ -69,5 +69,5 @@ class BevModel(nn.Module):
             assert inputs.images is not None and inputs.pixel_from_level is not None
             lifted, depth = self.cameras(inputs.images, inputs.pixel_from_level)
             branches.append(lifted)
-        cells, heat, boxes = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))), fine)
-        return Outputs(cells, heat, boxes, depth)
+        cells, heat, boxes, small_heat, small_boxes = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))), fine)
+        return Outputs(cells, heat, boxes, small_heat, small_boxes, depth)

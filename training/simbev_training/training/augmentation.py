@@ -1,4 +1,4 @@
-"""Random changes of a sample: one affine map for points, boxes, cameras and the grid; and lidars with fewer points."""
+"""Random changes of a sample: one affine map for points, boxes, cameras and the grid; and lidars that see less."""
 
 from dataclasses import dataclass, field
 
@@ -6,12 +6,8 @@ import numpy as np
 
 from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table
 from simbev_training.cache.layout import CM_PER_M
+from simbev_training.cache.reader import Sample
 from simbev_training.training.config import Augmentation
-
-LIDAR_M = 1.8
-"""Height of the lidar above the ego's origin."""
-_RING_DEG = 41.34 / 127
-"""Angle between two rings of the lidar in config/rigs/baselines.yaml."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +18,13 @@ class Warp:
         matrix: (2, 2) map of x and y: a rotation with or without a flip, times the scale.
         scale: Factor of all lengths, also of heights.
         offset_m: (3,) translation, after the rest.
+        slope: (2,) rise over x and y before the map: a small tilt of the ground, without effect on x and y.
     """
 
     matrix: Float64Array
     scale: float
     offset_m: Float64Array = field(default_factory=lambda: np.zeros(3))
+    slope: Float64Array = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
     def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Warp":
@@ -38,14 +36,18 @@ class Warp:
         rotation = np.array([[cosine, -sine], [sine, cosine]])
         sigma_m = augmentation.translation_m
         offset_m = rng.normal(0.0, sigma_m, 3) if sigma_m else np.zeros(3)  # without it, other draws stay as they were
-        return cls(scale * rotation @ np.diag(flips), scale, offset_m)
+        slope = np.zeros(2)
+        if augmentation.tilt_deg or augmentation.ground_m:
+            slope = np.tan(np.radians(rng.normal(0.0, augmentation.tilt_deg, 2)))
+            offset_m[2] += rng.normal(0.0, augmentation.ground_m)
+        return cls(scale * rotation @ np.diag(flips), scale, offset_m, slope)
 
     @property
     def warped_from_level(self) -> Float64Array:
         """(4, 4) the map as a homogeneous transform."""
         result = np.eye(4)
         result[:2, :2] = self.matrix
-        result[2, 2] = self.scale
+        result[2, :3] = *self.slope, self.scale
         result[:3, 3] = self.offset_m
         return result
 
@@ -63,7 +65,7 @@ class Warp:
         warped["yaw"] = np.arctan2(ahead[1], ahead[0])
         for name in ("z", "length", "width", "height"):
             warped[name] = boxes[name] * self.scale
-        warped["z"] += self.offset_m[2]
+        warped["z"] += self.slope @ np.stack([boxes["x"], boxes["y"]]) + self.offset_m[2]
         return warped
 
     def projections(self, pixel_from_level: Float32Array) -> Float32Array:
@@ -79,23 +81,41 @@ class Thinning:
         share: Share of the points that are left out at random.
         coarse: Whether every second ring is left out: stripes of elevation.
         phase: Where the stripes begin, 0 … 2.
+        near_m: Distance from the ego's origin within which points are left out.
+        one_sweep: Whether all sweeps but the newest are left out.
     """
 
     share: float
     coarse: bool
     phase: float
+    near_m: float = 0.0
+    one_sweep: bool = False
 
     @classmethod
     def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Thinning":
         """Draw what is left out."""
         share, coarse = rng.uniform(0.0, augmentation.thinning), rng.random() < augmentation.every_second_ring
-        return cls(float(share), bool(coarse), float(rng.uniform(0.0, 2.0)))
+        phase = float(rng.uniform(0.0, 2.0))
+        if not (augmentation.near_m or augmentation.one_sweep):  # other draws stay as they were
+            return cls(float(share), bool(coarse), phase)
+        near_m, one_sweep = rng.uniform(0.0, augmentation.near_m), rng.random() < augmentation.one_sweep
+        return cls(float(share), bool(coarse), phase, float(near_m), bool(one_sweep))
 
-    def kept(self, points_cm: AnyArray, rng: np.random.Generator) -> AnyArray:
-        """(N, 3) int16 points of a sweep, ego frame, without those that are left out."""
+    def sweeps(self, sample: Sample, rng: np.random.Generator) -> list[AnyArray]:
+        """(N, 3) int16 points of each sweep of a sample, ego frame, cm, without those that are left out."""
+        seen = sample.sweeps_cm[: 1 if self.one_sweep else None]
+        none = np.zeros((0, 3), np.int16)
+        kept = [none if each is None else self._kept(each, sample, rng) for each in seen]
+        return kept + [none] * (len(sample.sweeps_cm) - len(kept))
+
+    def _kept(self, points_cm: AnyArray, sample: Sample, rng: np.random.Generator) -> AnyArray:
         kept = rng.random(len(points_cm), np.float32) >= self.share
-        if self.coarse:
+        if (self.coarse and sample.ring_deg > 0) or self.near_m:
             x, y, z = points_cm.astype(np.float32).T
-            elevation_deg = np.degrees(np.arctan2(z - LIDAR_M * CM_PER_M, np.hypot(x, y)))
-            kept &= (elevation_deg / _RING_DEG + self.phase) % 2.0 < 1.0
+        if self.coarse and sample.ring_deg > 0:
+            lidar_cm = (sample.lidar_m * CM_PER_M).astype(np.float32)
+            elevation_deg = np.degrees(np.arctan2(z - lidar_cm[2], np.hypot(x - lidar_cm[0], y - lidar_cm[1])))
+            kept &= (elevation_deg / sample.ring_deg + self.phase) % 2.0 < 1.0
+        if self.near_m:
+            kept &= x * x + y * y >= (self.near_m * CM_PER_M) ** 2
         return points_cm.compress(kept, 0)

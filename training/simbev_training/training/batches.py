@@ -133,11 +133,9 @@ class CachedBatches(Dataset[Batch]):
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
-        none = np.zeros((0, 3), np.int16)
-        sweeps = [
-            none if each is None or not self._modality.has_lidar else thinning.kept(each, rng)
-            for each in sample.sweeps_cm
-        ]
+        sweeps = [np.zeros((0, 3), np.int16) for _ in sample.sweeps_cm]
+        if self._modality.has_lidar:
+            sweeps = thinning.sweeps(sample, rng)
         size_px = images.rgb.shape[2], images.rgb.shape[1]
         image_warps = np.tile(np.eye(3), (len(images.rgb), 1, 1))
         if self._augmentation is not None:

@@ -29,9 +29,24 @@ class Augmentation(Model):
         le=20,
         description="standard deviation of a shift in x, y and z; the paper's models (BEVFusion): 0.5",
     )
+    tilt_deg: float = Field(
+        0.0, ge=0, le=10, description="standard deviation of a tilt of the ground, ahead and to the left"
+    )
+    ground_m: float = Field(0.0, ge=0, le=2, description="standard deviation of a shift in z alone")
+    one_sweep: float = Field(0.0, ge=0, le=1, description="share of samples that see the newest sweep alone")
+    near_m: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="maximum distance within which points are left out, as those on the vehicle's own body often are",
+    )
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     every_second_ring: float = Field(
-        0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, like a coarser one"
+        0.25,
+        ge=0,
+        le=1,
+        description="share of samples that see every second ring of the lidar, like a coarser one, if it has evenly "
+        "spaced ones",
     )
     pasting: float = Field(
         0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others"
@@ -46,7 +61,9 @@ class Training(Model):
 
     modality: Modality = Field(description="what the model sees: camera, lidar or fused")
     seed: int = Field(0, ge=0, description="seed of weights, order and augmentation")
-    scenes: int | None = Field(None, ge=1, description="number of scenes to train on, the first by number; none: all")
+    scenes: int | None = Field(
+        None, ge=1, description="number of scenes of each dataset to train on, the first by number"
+    )
     sweep_ages_s: tuple[Annotated[float, Field(ge=0, le=10)], ...] = Field(
         (0.0, 0.25, 0.5, 1.0, 2.0),
         min_length=1,

@@ -39,8 +39,11 @@ class ExportedModel(nn.Module):
         self.model = model
         self.others = nn.ModuleList(others)
 
-    def forward(self, *given: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Cells (CELLS, CELLS, C) uint8, heat (classes, …), values (10, …) of points, images, projections."""
+    def forward(self, *given: Tensor) -> tuple[Tensor, ...]:
+        """Cells (CELLS, CELLS, C) uint8, then heat (classes, …) and values (10, …) of large and of small objects.
+
+        What is given are points, images and projections.
+        """
         rest = list(given)
         points = rest.pop(0) if self.model.modality.has_lidar else None
         images, projections = rest if self.model.modality.has_cameras else (None, None)
@@ -52,11 +55,11 @@ class ExportedModel(nn.Module):
             samples=1,
         )
         answers = [model(inputs) for model in (self.model, *self.others)]
-        heat = torch.sigmoid(_mean([each.heat for each in answers]))
-        peaks = heat * (heat == max_pool2d(heat, 3, 1, 1))
         scores = torch.sigmoid(_mean([each.cells for each in answers])[0])
         cells = (scores * 255.0 + 0.5).to(torch.uint8).permute(1, 2, 0)
-        return cells, peaks[0], _mean([each.boxes for each in answers])[0]
+        large = _peaks([each.heat for each in answers]), _mean([each.boxes for each in answers])[0]
+        small = _peaks([each.small_heat for each in answers]), _mean([each.small_boxes for each in answers])[0]
+        return cells, *large, *small
 
 
 def export_model(
@@ -97,7 +100,7 @@ def export_model(
             tuple(given),
             str(making),
             input_names=names,
-            output_names=["cells", "heat", "boxes"],
+            output_names=["cells", "heat", "boxes", "small_heat", "small_boxes"],
             dynamic_axes=dynamic,
             opset_version=_OPSET,
             do_constant_folding=False,
@@ -157,6 +160,13 @@ def models_to_average(training: Training) -> list[BevModel]:
             )
         models.append(model)
     return models
+
+
+def _peaks(logits: Sequence[Tensor]) -> Tensor:
+    """(classes, …) mean scores of one frame, 0 where a neighbor has a higher one."""
+    heat = torch.sigmoid(_mean(logits))
+    peaks: Tensor = heat * (heat == max_pool2d(heat, 3, 1, 1))
+    return peaks[0]
 
 
 def _mean(values: Sequence[Tensor]) -> Tensor:

@@ -4,7 +4,7 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,7 +43,7 @@ class Progress:
 
 def train(
     training: Training,
-    cache: Path,
+    caches: Sequence[Path],
     out: Path,
     *,
     device: torch.device,
@@ -54,14 +54,14 @@ def train(
 
     Args:
         training: The configuration.
-        cache: Cache of the dataset.
+        caches: Caches of the datasets.
         out: Folder of the run.
         device: Where to train.
         workers: Processes that make batches; 0: none.
         report: Called every few steps.
 
     Raises:
-        InputError: The cache has too few samples, the checkpoint is of another configuration, a model to start from
+        InputError: The caches have too few samples, the checkpoint is of another configuration, a model to start from
             does not fit, or a compiler is missing.
     """
     torch.manual_seed(training.seed)
@@ -74,10 +74,10 @@ def train(
         _require_compiler()
         model.compile_parts()
     optimizer = torch.optim.AdamW(_groups(model, training), lr=training.learning_rate, fused=device.type == "cuda")
-    scenes = cached_scenes(cache, "train")[: training.scenes]
+    scenes = [scene for cache in caches for scene in cached_scenes(cache, "train")[: training.scenes]]
     data = CachedBatches(scenes, training)
     if not data.steps_per_epoch:
-        raise InputError(f"{cache}: has fewer samples to train on than batch_size {training.batch_size}")
+        raise InputError(f"{caches[-1]}: has fewer samples to train on than batch_size {training.batch_size}")
     steps, step = training.epochs * data.steps_per_epoch, 0
     out.mkdir(parents=True, exist_ok=True)
     if path.exists():

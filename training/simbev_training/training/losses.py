@@ -7,7 +7,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy,
 from simbev_ros.baselines.boxes import BOX_VALUES
 from simbev_training.model.cameras import DEPTHS, FAR_M, NEAR_M, depth_index
 from simbev_training.model.heads import Outputs
-from simbev_training.training.targets import Targets
+from simbev_training.training.targets import BoxTargets, Targets
 
 _MIN_SHARE = 1e-4
 _BOX_WEIGHT, _DEPTH_WEIGHT = 0.25, 0.5
@@ -19,8 +19,10 @@ def losses_of(outputs: Outputs, targets: Targets, depth_m: Tensor | None) -> dic
     """Losses of a batch by name, to be added up; ``depth_m`` is that of the images, if the model sees any."""
     losses = {
         **_cell_losses(outputs.cells.float().permute(0, 2, 3, 1), targets.cells, targets.known),
-        "heat": _heat_loss(outputs.heat.float(), targets),
-        "boxes": _BOX_WEIGHT * _box_loss(outputs.boxes.float(), targets),
+        "heat": _heat_loss(outputs.heat.float(), targets.large),
+        "boxes": _BOX_WEIGHT * _box_loss(outputs.boxes.float(), targets.large),
+        "small_heat": _heat_loss(outputs.small_heat.float(), targets.small),
+        "small_boxes": _BOX_WEIGHT * _box_loss(outputs.small_boxes.float(), targets.small),
     }
     if outputs.depth is not None and depth_m is not None:
         losses["depth"] = _DEPTH_WEIGHT * _depth_loss(outputs.depth, depth_m)
@@ -42,7 +44,7 @@ def _cell_losses(logits: Tensor, cells: Tensor, known: Tensor) -> dict[str, Tens
     return {"cells": (entropy.mean(over_cells) / share.sqrt()).mean(), "dice": dice.mean()}
 
 
-def _heat_loss(logits: Tensor, targets: Targets) -> Tensor:
+def _heat_loss(logits: Tensor, targets: BoxTargets) -> Tensor:
     """Focal loss of heat maps with reduced penalty near centers (https://arxiv.org/abs/1904.07850)."""
     heat, score = targets.heat, torch.sigmoid(logits)
     is_center = heat >= 1.0
@@ -51,11 +53,11 @@ def _heat_loss(logits: Tensor, targets: Targets) -> Tensor:
     return torch.where(is_center, positive, negative).sum() / is_center.sum().clamp(min=1)
 
 
-def _box_loss(values: Tensor, targets: Targets) -> Tensor:
+def _box_loss(values: Tensor, targets: BoxTargets) -> Tensor:
     """Weighted absolute errors at the centers."""
     predicted = values.permute(0, 2, 3, 1).reshape(-1, len(BOX_VALUES))[targets.center]
-    errors = (predicted - targets.boxes).abs()
-    return (errors.sum() + errors[:, :_OFFSETS].sum()) / max(len(targets.center), 1)
+    errors = (predicted - targets.boxes).abs() * targets.weight[:, None]
+    return (errors.sum() + errors[:, :_OFFSETS].sum()) / targets.weight.sum().clamp(min=1)
 
 
 def _depth_loss(logits: Tensor, depth_m: Tensor) -> Tensor:

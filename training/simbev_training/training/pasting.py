@@ -19,7 +19,6 @@ from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_training.cache.layout import CM_PER_M
 from simbev_training.cache.reader import CachedScene, Sample
-from simbev_training.training.augmentation import LIDAR_M
 
 
 def _bits(*names: str) -> int:
@@ -113,6 +112,7 @@ class _Cloud:
         self._sweeps = list(sample.sweeps_cm)
         self._poses = [None if pose is None else level_from_newest @ pose for pose in sample.sweep_poses]
         self._ages_s = ages_s
+        self._lidar_m = float(sample.lidar_m[2])
 
     def sweeps_cm(self) -> tuple[AnyArray | None, ...]:
         """(N, 3) int16 points of each sweep as they are now."""
@@ -154,11 +154,11 @@ class _Cloud:
             range_cm = float(np.linalg.norm(center_cm))
             toward = center_cm / range_cm
             slopes = [(toward[0] * y - toward[1] * x) / max(toward @ (x, y), 1.0) for x, y in corners_cm]
-            top_cm = (at["z"] + at["height"] / 2 + ego_from_level[2, 3] - LIDAR_M) * CM_PER_M
+            top_cm = (at["z"] + at["height"] / 2 + ego_from_level[2, 3] - self._lidar_m) * CM_PER_M
             x, y, z = points.astype(np.float32).T
             along, across = toward[0] * x + toward[1] * y, toward[0] * y - toward[1] * x
             hidden = (along > range_cm) & (across > min(slopes) * along) & (across < max(slopes) * along)
-            hidden &= (z - LIDAR_M * CM_PER_M) * range_cm < top_cm * along
+            hidden &= (z - self._lidar_m * CM_PER_M) * range_cm < top_cm * along
             reach_cm = CM_PER_M * np.hypot(at["length"], at["width"]) / 2
             near = np.flatnonzero((np.abs(x - center_cm[0]) < reach_cm) & (np.abs(y - center_cm[1]) < reach_cm))
             level = points[near] / CM_PER_M @ pose[:3, :3].T + pose[:3, 3]

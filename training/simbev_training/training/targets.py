@@ -5,8 +5,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from simbev_ros.baselines.boxes import DETECTED_CLASSES
-from simbev_ros.baselines.grid import CELL_M, CELLS, FEATURE_CELL_M, FEATURE_CELLS, HALF_M
+from simbev_ros.baselines.boxes import DETECTED_CLASSES, LARGE_CLASSES
+from simbev_ros.baselines.grid import CELL_M, CELLS, FEATURE_CELLS, HALF_M
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_training.training.batches import Batch
 
@@ -16,31 +16,49 @@ _RADIUS_SHARE = 0.35
 """Radius of a peak in the heat map over the mean side of the box."""
 
 
+class BoxTargets(NamedTuple):
+    """Targets of the boxes of some classes in B samples, on a grid of N x N cells.
+
+    Attributes:
+        heat: (B, classes, N, N) float32, 1 at centers and less around them.
+        center: (M,) int64 flat index of sample, row, column of each box's center, of all classes.
+        weight: (M,) float32, 1 for boxes of these classes, else 0.
+        boxes: (M, len(BOX_VALUES)) values.
+    """
+
+    heat: Tensor
+    center: Tensor
+    weight: Tensor
+    boxes: Tensor
+
+
 class Targets(NamedTuple):
     """Targets of B samples.
 
     Attributes:
         cells: (B, CELLS, CELLS, C) float32, 0 or 1: in memory as a GPU's convolutions have it.
         known: (B, CELLS, CELLS, 1) float32, 1 where the warped grid was recorded.
-        heat: (B, classes, FEATURE_CELLS, FEATURE_CELLS) float32, 1 at centers and less around them.
-        center: (M,) int64 flat index of sample, row, column of each box's center.
-        label: (M,) int64 class of each box.
-        boxes: (M, len(BOX_VALUES)) values.
+        large: Boxes of the large classes, on the cells of features.
+        small: Boxes of the other classes, on the cells of the grid.
     """
 
     cells: Tensor
     known: Tensor
-    heat: Tensor
-    center: Tensor
-    label: Tensor
-    boxes: Tensor
+    large: BoxTargets
+    small: BoxTargets
 
 
 def targets_of(batch: Batch) -> Targets:
     """Targets of a batch, on its device."""
     cells, known = _warped_cells(batch)
-    heat, center, label, boxes = _box_targets(batch.boxes, len(batch.cells))
-    return Targets(cells, known, heat, center, label, boxes)
+    large, small = range(LARGE_CLASSES), range(LARGE_CLASSES, len(DETECTED_CLASSES))
+    samples = len(batch.cells)
+    return Targets(
+        cells,
+        known,
+        _box_targets(batch.boxes, samples, large, FEATURE_CELLS),
+        _box_targets(batch.boxes, samples, small, CELLS),
+    )
 
 
 def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
@@ -57,29 +75,31 @@ def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
     return cells, known.to(torch.float32).reshape(samples, CELLS, CELLS, 1)
 
 
-def _box_targets(boxes: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Heat maps, and center, class and values of M boxes. Their number is known without waiting for a GPU."""
-    position = (HALF_M - boxes[:, 2:4]) / FEATURE_CELL_M
+def _box_targets(boxes: Tensor, samples: int, labels: range, cells: int) -> BoxTargets:
+    """Targets of the boxes of some classes. Others stay with no weight: a GPU would have to be waited for to count."""
+    cell_m = 2 * HALF_M / cells
+    position = (HALF_M - boxes[:, 2:4]) / cell_m
     cell = torch.floor(position).long()
-    sample, label = boxes[:, 0].long(), boxes[:, 1].long()
+    sample, label = boxes[:, 0].long(), boxes[:, 1].long() - labels.start
+    wanted = (label >= 0) & (label < len(labels))
     size = boxes[:, 5:8]
-    radius = (_RADIUS_SHARE * size[:, :2].mean(1) / FEATURE_CELL_M).clamp(_MIN_RADIUS, _MAX_RADIUS)
+    radius = (_RADIUS_SHARE * size[:, :2].mean(1) / cell_m).clamp(_MIN_RADIUS, _MAX_RADIUS)
     around = torch.arange(-_MAX_RADIUS, _MAX_RADIUS + 1, device=boxes.device)
     row = cell[:, 0, None, None] + around[None, :, None]
     column = cell[:, 1, None, None] + around[None, None, :]
     square = (around**2)[None, :, None] + (around**2)[None, None, :]
     sigma = (2 * radius + 1)[:, None, None] / 6
     peak = torch.exp(-square / (2 * sigma**2))
-    inside = (row >= 0) & (row < FEATURE_CELLS) & (column >= 0) & (column < FEATURE_CELLS)
-    area = FEATURE_CELLS * FEATURE_CELLS
-    plane = (sample * len(DETECTED_CLASSES) + label)[:, None, None] * area
-    flat = (plane + row.clamp(0, FEATURE_CELLS - 1) * FEATURE_CELLS + column.clamp(0, FEATURE_CELLS - 1)).flatten()
-    heat = torch.zeros(samples * len(DETECTED_CLASSES) * area, device=boxes.device)
+    inside = (row >= 0) & (row < cells) & (column >= 0) & (column < cells) & wanted[:, None, None]
+    area = cells * cells
+    plane = (sample * len(labels) + label.clamp(0, len(labels) - 1))[:, None, None] * area
+    flat = (plane + row.clamp(0, cells - 1) * cells + column.clamp(0, cells - 1)).flatten()
+    heat = torch.zeros(samples * len(labels) * area, device=boxes.device)
     heat = heat.scatter_reduce(0, flat, torch.where(inside, peak, 0.0).flatten(), "amax")
-    heat = heat.reshape(samples, len(DETECTED_CLASSES), FEATURE_CELLS, FEATURE_CELLS)
+    heat = heat.reshape(samples, len(labels), cells, cells)
     offset = position - cell - 0.5
     values = torch.cat(
         [offset, boxes[:, 4:5], torch.log(size), torch.sin(boxes[:, 8:9]), torch.cos(boxes[:, 8:9]), boxes[:, 9:11]], 1
     )
-    center = (sample * FEATURE_CELLS + cell[:, 0]) * FEATURE_CELLS + cell[:, 1]
-    return heat, center, label, values
+    center = (sample * cells + cell[:, 0]) * cells + cell[:, 1]
+    return BoxTargets(heat, center, wanted.float(), values)

@@ -22,6 +22,7 @@ from simbev_ros.evaluation.metrics.detection import (
 )
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result
 from simbev_ros.evaluation.metrics.segmentation import SegmentationTally, empty_tally
+from simbev_ros.evaluation.metrics.tracking import TrackingResult, tracking_result
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
 from simbev_ros.evaluation.scene_boxes import LeftOut
@@ -50,6 +51,7 @@ class Evaluation:
         grid_classes: The classes of ``BEV_CLASSES`` for which at least one grid has scores; metrics omit the others.
         nuscenes: The nuScenes metrics, or None if they were not requested.
         left_out: Numbers of boxes that do not count.
+        tracking: The tracking metrics, or None if no prediction has a track.
     """
 
     options: EvaluationOptions
@@ -62,6 +64,7 @@ class Evaluation:
     grid_classes: tuple[str, ...]
     nuscenes: NuscenesResult | None
     left_out: LeftOut
+    tracking: TrackingResult | None
 
     @property
     def frame_count(self) -> int:
@@ -131,6 +134,7 @@ def evaluation_from_tallies(tallies: Sequence[SceneTally], options: EvaluationOp
         grid_classes=tuple(name for name in BEV_CLASSES if name in classes),
         nuscenes=nuscenes_result(nuscenes_merge(nuscenes)) if nuscenes else None,
         left_out=reduce(LeftOut.plus, (each.left_out for each in tallies)),
+        tracking=tracking_result([each.tracks for each in tallies]),
     )
 
 

@@ -15,6 +15,7 @@ from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.nuscenes import DISTANCES_M, NuscenesResult
 from simbev_ros.evaluation.metrics.nuscenes import ERRORS as NUSCENES_ERRORS
 from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally
+from simbev_ros.evaluation.metrics.tracking import TrackingResult
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 
@@ -22,7 +23,7 @@ METHODS: tuple[Method, ...] = ("iou", "distance")
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, Any]:
-    """Convert an evaluation to plain values: frame counts, detection and segmentation by slice, and nuScenes."""
+    """Convert an evaluation to plain values: frame counts, detection and segmentation by slice, tracking, nuScenes."""
     frames = {"evaluated": evaluation.frame_count, "scenes": len(evaluation.frames)}
     for kind in ("boxes", "grids"):
         frames[f"answered_{kind}"] = sum(getattr(evaluation, f"answered_{kind}").values())
@@ -38,6 +39,8 @@ def figures_of(evaluation: Evaluation) -> dict[str, Any]:
             table_slice: segmentation_figures(each, chosen) for table_slice, each in evaluation.segmentations.items()
         }
         figures["segmentation"] = _by_slice(cells)
+    if evaluation.tracking is not None:
+        figures["tracking"] = _tracking(evaluation.tracking)
     if evaluation.nuscenes is not None:
         figures["nuscenes"] = _nuscenes(evaluation.nuscenes)
     return figures
@@ -89,6 +92,14 @@ def segmentation_figures(tally: SegmentationTally, classes: Iterable[str]) -> di
     iou, names = tally.iou()[rows], [f"{each:g}" for each in THRESHOLDS]
     by_class = {BEV_CLASSES[row]: _by_name(names, values) for row, values in zip(rows, iou, strict=True)}
     return {"frames": tally.frames, "mean_IoU_at": _by_name(names, mean_ignoring_nan(iou, axis=0)), "IoU_at": by_class}
+
+
+def _tracking(result: TrackingResult) -> dict[str, Any]:
+    classes = {
+        name: {"boxes": each.boxes, "objects": each.objects, **_finite_values(each.values)}
+        for name, each in result.classes.items()
+    }
+    return {**_finite_values(result.totals()), "classes": classes}
 
 
 def _nuscenes(result: NuscenesResult) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.metrics.detection import HIT, DetectionOptions, DetectionTally
 from simbev_ros.evaluation.metrics.ranking import top_predictions
 from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, Matching
+from simbev_ros.evaluation.metrics.tracks import SceneTracks, scene_tracks
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.foundation.semantics import BOX_CLASSES
@@ -130,6 +131,14 @@ class SceneBoxes:
     def tally(self, table_slice: TableSlice) -> DetectionTally:
         """Tally of the scene for one row of a table."""
         return self._matching.tally(self._counting(table_slice))
+
+    def tracks(self) -> SceneTracks:
+        """Tracked boxes of the first table slice.
+
+        Raises:
+            InputError: Two predictions of a frame and class have the same track.
+        """
+        return scene_tracks(self._matching.truth, self._predictions, self._counting(self._options.slices[0]))
 
     def count_found(self) -> tuple[Int64Array, Int64Array]:
         """(F,) numbers of boxes that count, and (F,) numbers of those found by the top predictions."""

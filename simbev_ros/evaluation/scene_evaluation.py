@@ -18,6 +18,7 @@ from simbev_ros.evaluation.metrics.detection import DetectionTally
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesTally, nuscenes_tally
 from simbev_ros.evaluation.metrics.nuscenes_truth import nuscenes_truth
 from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
+from simbev_ros.evaluation.metrics.tracks import SceneTracks
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, boxes_in_map
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
@@ -52,6 +53,7 @@ class SceneTally:
         grid_classes: Classes for which at least one grid has scores.
         nuscenes: Counts of the nuScenes metrics, or None if they were not requested.
         left_out: Numbers of boxes that do not count.
+        tracks: Tracked boxes of the first table slice.
     """
 
     scene: str
@@ -61,6 +63,7 @@ class SceneTally:
     grid_classes: frozenset[str]
     nuscenes: NuscenesTally | None
     left_out: LeftOut
+    tracks: SceneTracks
 
 
 def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationOptions, *, grids: bool) -> SceneTally:
@@ -102,6 +105,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         frozenset(cells.classes),
         _nuscenes(scene, boxes) if options.nuscenes else None,
         scene_boxes.count_left_out(),
+        scene_boxes.tracks(),
     )
 
 

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 from simbev_ros.evaluation.figures import METHODS
 from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD
+from simbev_ros.evaluation.metrics.tracking import COUNTS, METRICS
 
 METHOD_NAMES: Mapping[str, str] = {"iou": "3D IoU", "distance": "distance"}
 """Display name of each matching method."""
-_UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s"}
+_UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s", "AMOTP": " m", "MOTP": " m"}
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
 """Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
@@ -60,6 +61,8 @@ def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
         for method in measured_methods([detection]):
             yield precision_table(detection, method)
         yield error_table(detection)
+    if tracking := figures.get("tracking"):
+        yield tracking_table(tracking)
     if segmentation := figures.get("segmentation"):
         yield segmentation_table(segmentation)
     for condition in conditions_of(figures):
@@ -108,6 +111,22 @@ def error_table(detection: Figures) -> FigureTable:
     ]
     title = f"errors, matched by {' and by '.join(METHOD_NAMES[method] for method in methods)}"
     return FigureTable(title, ("class", *(list(ERROR_HEADS) * len(methods))), rows)
+
+
+def tracking_table(tracking: Figures) -> FigureTable:
+    """Table with a row per class: tracking metrics; the last row has their means, and the sums of counts."""
+    classes = tracking["classes"]
+    total: dict[str, Any] = {each: sum(row[each] for row in classes.values()) for each in ("boxes", "objects")}
+    rows = [
+        [
+            _name_cell(name),
+            *(_count_cell(values[each]) for each in ("boxes", "objects")),
+            *(_tracking_cell(metric, values.get(metric)) for metric in METRICS),
+        ]
+        for name, values in {**classes, "mean": {**tracking, **total}}.items()
+    ]
+    heads = ("class", "boxes", "objects", *(f"{name}{_UNITS.get(name, '')}" for name in METRICS))
+    return FigureTable("tracking", heads, rows)
 
 
 def segmentation_table(segmentation: Figures) -> FigureTable:
@@ -209,6 +228,12 @@ def at_table_threshold(figures: Mapping[str, float | None]) -> float | None:
 def text_of(value: float | None) -> str:
     """A value as all tables print it; a dash if it is undefined."""
     return "–" if value is None else f"{value:.3f}"
+
+
+def _tracking_cell(metric: str, value: float | None) -> Cell:
+    if metric in COUNTS and value is not None:
+        return _count_cell(round(value))
+    return Cell(CellKind.NUMBER if metric in _UNITS else CellKind.SHARE, value)
 
 
 def _name_cell(text: str) -> Cell:

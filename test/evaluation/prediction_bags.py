@@ -33,7 +33,7 @@ TABLE_DTYPE = np.dtype(
         ("vy", "<f8"),
     ]
 )
-_CODES = {"u1": 2, "u2": 4, "f4": 7, "f8": 8}
+_CODES = {"u1": 2, "u2": 4, "i4": 5, "f4": 7, "f8": 8}
 Entry = tuple[str, float, Sequence[float], Sequence[float], Sequence[float]]
 """Class, score, position, size, orientation x y z w."""
 

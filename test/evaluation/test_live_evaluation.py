@@ -69,7 +69,8 @@ def write_answers(scene: Scene, folder: Path) -> Path:
         [PredictedBoxes.with_reference(each, Reference(FRAME, "")) for _, each in boxes]
     ).predictions
     folder.mkdir()
-    write_predictions(folder / "boxes.parquet", [(scene.name, predictions, [tick for tick, _ in boxes])], FRAME)
+    content = [(scene.name, predictions, [tick for tick, _ in boxes])]
+    write_predictions(folder / "boxes.parquet", content, FRAME, tracks=True)
     for tick, frame_answers in found.items():
         grids = [each for each in frame_answers.values() if isinstance(each, ScoreGrid)]
         if grids:
@@ -100,6 +101,7 @@ def test_live_figures_equal_those_of_the_recorded_scene(scene: Scene, tmp_path: 
         assert found.tally.frames[name] == pytest.approx(expected.frames[name], nan_ok=True)
     figures = figures_of(evaluation_from_tallies([expected], OPTIONS))
     assert 0.1 < figures["detection"]["iou"]["SDS"] < 0.9
+    assert 0.1 < figures["tracking"]["HOTA"] < 0.9
     assert_matches(live_figures([found], OPTIONS), figures)
 
 

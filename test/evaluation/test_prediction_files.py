@@ -178,6 +178,36 @@ def test_written_predictions_are_read_back(tmp_path: Path) -> None:
         write_predictions(path, [])
 
 
+@BOTH
+def test_ids_are_tracks(tmp_path: Path, write: Writer) -> None:
+    found = read(write(tmp_path / "a", some_columns(id=np.array([7, 7, -3])))).boxes().predictions.boxes
+    assert found.track.tolist() == [7, -1]
+    assert read(write(tmp_path / "b", some_columns())).boxes().predictions.boxes.track.tolist() == [-1, -1]
+
+
+@BOTH
+def test_an_id_that_is_twice_in_a_frame_is_refused(tmp_path: Path, write: Writer) -> None:
+    path = write(tmp_path / "a", some_columns(tick=np.array([3, 2, 3]), id=np.array([4, 4, 4])))
+    with pytest.raises(InputError, match="id: row 2 is 4; it must be different in all boxes of a frame"):
+        read(path).boxes()
+
+
+def test_a_null_id_is_no_track(tmp_path: Path) -> None:
+    ids = {"id": np.array([None, 1, 2**60 + 1], object)}
+    assert read(to_parquet(tmp_path / "a", some_columns(**ids))).boxes().predictions.boxes.track.tolist() == [
+        -1,
+        2**60 + 1,
+    ]
+
+
+def test_written_tracks_are_read_back(tmp_path: Path) -> None:
+    boxes = some_boxes([[3, 2, 1], [0, 0, 0], [9, 9, 9]], frame=[0, 0, 2])
+    boxes.track[:] = [5, -1, 5]
+    path = tmp_path / "out.parquet"
+    write_predictions(path, [(SCENE, Predictions(boxes, np.ones(3)), [0, 1, 2])], tracks=True)
+    assert read(path).boxes().predictions.boxes.track.tolist() == [5, -1, 5]
+
+
 def test_a_file_without_rows_has_no_boxes(tmp_path: Path) -> None:
     write_predictions(tmp_path / "a.parquet", [])
     assert open_predictions(tmp_path / "a.parquet").scenes == ()
@@ -221,6 +251,7 @@ OPENING = [
     ({"tick": None}, r"tick: there is neither this column nor stamp_ns; it has class"),
     ({"tick": np.array([0.0, 2.0, 3.0])}, r"tick: is of the type (double|float64); it must be .*, integer"),
     ({"class": np.array([0.0, 2.0, 3.0])}, r"class: is of the type .*; it must be .*, integer or text"),
+    ({"id": np.array([1.0, 2.0, 3.0])}, r"id: is of the type .*; it must be .*, integer"),
     ({"x": np.array(["1", "2", "3"])}, r"x: is of the type .*; it must be .*, float or integer"),
     ({"scene": np.array([1, 2, 3])}, r"scene: is of the type int64; it must be .*, text"),
 ]

@@ -101,6 +101,36 @@ def test_a_marker_without_text_has_score_1_and_a_class_may_be_a_number() -> None
     assert found.predictions.score == [1.0] and found.predictions.boxes.label == [5]
 
 
+def test_ids_of_tables_and_detections_are_tracks_but_those_of_markers_are_not() -> None:
+    rows = np.zeros(2, [*TABLE_DTYPE.descr, ("id", "<i4")])
+    for name in TABLE_DTYPE.names or ():
+        rows[name] = table()[name]
+    rows["id"] = [-1, 7]
+    assert read_message(TABLE, table_message(rows, STAMP_NS, "map")).predictions.boxes.track.tolist() == [-1, 7]
+    assert read_message(TABLE, table_message(table(), STAMP_NS, "map")).predictions.boxes.track.tolist() == [-1, -1]
+    message = detections(ENTRIES, header(STAMP_NS))
+    message.detections[0].id = "5f2c-a"
+    first, none = read_message(DETECTIONS, message).predictions.boxes.track.tolist()
+    message.detections[1].id = "5f2c-b"
+    again, second = read_message(DETECTIONS, message).predictions.boxes.track.tolist()
+    assert first == again >= 0 and second >= 0 and first != second and none == -1
+    cubes = markers(ENTRIES, header(STAMP_NS))
+    for number, each in enumerate(cubes.markers):
+        each.id = number
+    assert read_message(MARKERS, cubes).predictions.boxes.track.tolist() == [-1, -1]
+
+
+def test_bad_ids_are_named() -> None:
+    rows = np.zeros(2, [*TABLE_DTYPE.descr, ("id", "<f4")])
+    with pytest.raises(InputError, match="id: is of the type float32; it must be a whole-number type"):
+        read_message(TABLE, table_message(rows, STAMP_NS, "map"))
+    message = detections(ENTRIES, header(STAMP_NS))
+    for each in message.detections:
+        each.id = "same"
+    with pytest.raises(InputError, match=r"id: row 1 is .*; it must be different in all boxes of a frame"):
+        read_message(DETECTIONS, message)
+
+
 def test_our_own_markers_are_perfect_predictions() -> None:
     truth = blank_boxes(3)
     truth["class"], truth["yaw"], truth["x"], truth["length"] = [0, 5, 9], [3, -2, 0.5], [1, 2, 3], [4, 1, 2]

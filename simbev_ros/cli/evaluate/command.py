@@ -45,6 +45,8 @@ def evaluate(
     table covers a part of the data: a false positive counts in every row that its distance and frame belong to, and in
     none beyond the range within which boxes are labeled.
 
+    If boxes have ids of tracks, there are also tracking metrics: AMOTA, AMOTP, MOTA, MOTP, IDS, FRAG, and HOTA.
+
     [bold]Examples[/]
 
     simbev evaluate predictions.parquet datasets/first --split val --report report.html --json figures.json

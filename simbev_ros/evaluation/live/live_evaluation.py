@@ -18,6 +18,7 @@ from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCoun
 from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.detection import DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, THRESHOLDS
+from simbev_ros.evaluation.metrics.tracks import SceneTracks, join_tracks
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     MAP_FRAME,
@@ -75,6 +76,7 @@ class LiveEvaluation:
         self._cells = SceneGrids(view.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
         self._left_out = LeftOut(0, 0)
+        self._tracks: list[SceneTracks] = []
         self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
         self._latency_ms: list[float] = []
         self._iou: list[float] = []
@@ -141,6 +143,7 @@ class LiveEvaluation:
             frozenset(self._cells.classes),
             None,
             self._left_out,
+            join_tracks(self._tracks),
         )
         return LiveScene(tally, np.array(self._latency_ms), counts)
 
@@ -169,6 +172,7 @@ class LiveEvaluation:
         rows["boxes"], rows["found"] = boxes.count_found()
         self._rows.append(rows)
         self._left_out = self._left_out.plus(boxes.count_left_out())
+        self._tracks.append(boxes.tracks())
         for table_slice, tallies in self._tallies.items():
             tallies.append(boxes.tally(table_slice))
 

@@ -1,7 +1,7 @@
 """Box arrays of ground truth and predictions, the input of all detection metrics; values are checked on entry."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
 
 NO_ATTRIBUTE = 255
+NO_TRACK = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +25,8 @@ class Boxes:
         yaw_rad: (N,) finite. Roll and pitch are ignored.
         velocity_mps: (N, 3); NaN: unknown.
         attribute: (N,) for the nuScenes metrics only: any numbering; ``NO_ATTRIBUTE``: none.
+        track: (N,) for the tracking metrics only: id of the object or track in its scene; ``NO_TRACK``: none, as if
+            left out.
     """
 
     frame: Int64Array
@@ -33,11 +36,14 @@ class Boxes:
     yaw_rad: Float64Array
     velocity_mps: Float64Array
     attribute: UInt8Array
+    track: Int64Array = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __post_init__(self) -> None:
         """Raise InputError for an invalid shape or value."""
         count = len(self.frame)
-        for name in ("label", "yaw_rad", "attribute"):
+        if not len(self.track):
+            object.__setattr__(self, "track", np.full(count, NO_TRACK, np.int64))
+        for name in ("label", "yaw_rad", "attribute", "track"):
             _require_shape(name, getattr(self, name), (count,))
         for name in ("center_m", "size_m", "velocity_mps"):
             _require_shape(name, getattr(self, name), (count, 3))
@@ -88,7 +94,8 @@ def boxes_from_tables(tables: Mapping[int, Table]) -> Boxes:
         return empty_boxes()
     label, vectors = np.concatenate([table["class"] for table in tables.values()]), np.concatenate(parts)
     attribute = np.full(len(frame), NO_ATTRIBUTE, np.uint8)
-    return Boxes(frame, label, vectors[:, :3], vectors[:, 3:6], vectors[:, 6], vectors[:, 7:], attribute)
+    track = np.concatenate([table["id"] for table in tables.values()]).astype(np.int64)
+    return Boxes(frame, label, vectors[:, :3], vectors[:, 3:6], vectors[:, 6], vectors[:, 7:], attribute, track)
 
 
 def empty_boxes() -> Boxes:

@@ -13,6 +13,7 @@ boxes and grids. The formats are:
 | score | confidence, higher is more confident; finite |
 | x y z length width height yaw | center and size, m, and heading about z, rad |
 | vx vy vz | optional: velocity over ground, m/s; missing, null or NaN: unknown; if only vz is: 0 |
+| id | optional integer: track of the box in its scene; null or negative: none |
 
 ``frame_id``, in the metadata of the Parquet schema or as a text in the NPZ, is the coordinate frame of the boxes, any
 of /tf: ``map`` (the default), ``ego/base_link``, ``ego/lidar`` …. Velocities are given along its axes, but are over

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, empty_boxes
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, NO_TRACK, Boxes, Predictions, empty_boxes
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
@@ -20,6 +20,7 @@ NO_BOX = 255
 """Label of a row without a box, which only states that its frame was answered."""
 BOX_COLUMNS = ("x", "y", "z", "length", "width", "height", "yaw")
 VELOCITY_COLUMNS = ("vx", "vy", "vz")
+TRACK_COLUMN = "id"
 UPRIGHT = float(np.cos(np.pi / 4))
 """Minimum cosine of the angle between two axes that both count as pointing up."""
 CLASSES_ALLOWED = f"one of {', '.join(BOX_CLASSES)}, or its number, 0 to {len(BOX_CLASSES) - 1}"
@@ -102,6 +103,7 @@ def boxes_in_map(boxes: PredictedBoxes, map_from_frame: Callable[[int, str], Flo
         np.arctan2(ahead[:, 1], ahead[:, 0]),
         np.einsum("nij,nj->ni", rotation, own.velocity_mps),
         own.attribute,
+        own.track,
     )
     return Predictions(transformed, boxes.predictions.score)
 
@@ -186,7 +188,7 @@ def predictions_from_columns(
     """Checked boxes from columns.
 
     Args:
-        columns: (N,) each: ``BOX_COLUMNS``, ``score``, and any of ``VELOCITY_COLUMNS``.
+        columns: (N,) each: ``BOX_COLUMNS``, ``score``, and any of ``VELOCITY_COLUMNS`` and ``TRACK_COLUMN``.
         label: (N,) index into ``BOX_CLASSES``.
         tick: (N,) tick of each box's frame.
         rows: Rows of the columns.
@@ -207,8 +209,21 @@ def predictions_from_columns(
         own["yaw"],
         _velocity_mps(columns, rows),
         np.full(len(tick), NO_ATTRIBUTE, np.uint8),
+        _tracks(columns, tick, rows),
     )
     return Predictions(boxes, own["score"])
+
+
+def _tracks(columns: Mapping[str, AnyArray], tick: Int64Array, rows: Rows) -> Int64Array:
+    """(N,) ids of tracks; ``NO_TRACK`` where they are negative or there is no such column."""
+    if TRACK_COLUMN not in columns:
+        return np.full(len(tick), NO_TRACK, np.int64)
+    track = np.maximum(columns[TRACK_COLUMN].astype(np.int64), NO_TRACK)
+    order = np.lexsort((track, tick))
+    is_repeated = np.zeros(len(tick), np.bool_)
+    is_repeated[order[1:]] = (np.diff(tick[order]) == 0) & (np.diff(track[order]) == 0) & (track[order[1:]] != NO_TRACK)
+    rows.require(TRACK_COLUMN, ~is_repeated, track, "different in all boxes of a frame")
+    return track
 
 
 def _velocity_mps(columns: Mapping[str, AnyArray], rows: Rows) -> Float64Array:

@@ -11,6 +11,7 @@ import numpy as np
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     BOX_COLUMNS,
     NO_BOX,
+    TRACK_COLUMN,
     VELOCITY_COLUMNS,
     PredictedBoxes,
     Reference,
@@ -24,7 +25,8 @@ from simbev_ros.foundation.types import AnyArray, Int64Array, UInt8Array
 FRAME_COLUMNS = ("tick", "stamp_ns")
 NUMBER_COLUMNS = ("score", *BOX_COLUMNS, *VELOCITY_COLUMNS)
 TEXT_COLUMNS = ("scene", "class")
-ALL_COLUMNS = (*TEXT_COLUMNS, *FRAME_COLUMNS, *NUMBER_COLUMNS)
+INTEGER_COLUMNS = (*FRAME_COLUMNS, TRACK_COLUMN)
+ALL_COLUMNS = (*TEXT_COLUMNS, *INTEGER_COLUMNS, *NUMBER_COLUMNS)
 
 
 def require_columns(source: str, names: Collection[str]) -> None:
@@ -87,7 +89,7 @@ def parse_answers(
     """Check the rows of one scene and convert them to boxes.
 
     Args:
-        columns: (N,) each, of ``FRAME_COLUMNS`` and ``NUMBER_COLUMNS``.
+        columns: (N,) each, of ``INTEGER_COLUMNS`` and ``NUMBER_COLUMNS``.
         label: (N,) labels; ``NO_BOX``: the row only states that its frame was answered.
         rows: Rows of the columns.
         frame_id: Coordinate frame.

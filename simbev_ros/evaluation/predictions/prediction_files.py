@@ -15,9 +15,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.evaluation.predictions.npz_file import read_npz
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     MAP_FRAME,
+    TRACK_COLUMN,
     PredictedBoxes,
     Rows,
     named_labels,
@@ -26,6 +28,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
 from simbev_ros.evaluation.predictions.prediction_columns import (
     ALL_COLUMNS,
     FRAME_COLUMNS,
+    INTEGER_COLUMNS,
     TEXT_COLUMNS,
     SceneRows,
     parse_answers,
@@ -86,6 +89,8 @@ class ParquetBoxes:
                 if name in columns and columns[name].null_count:
                     missing = columns[name].is_null().to_numpy()
                     rows.require(name, ~missing, np.full(len(missing), None), "a number")
+            if TRACK_COLUMN in columns:
+                columns[TRACK_COLUMN] = columns[TRACK_COLUMN].cast(pa.int64()).fill_null(NO_TRACK)
             arrays = {name: column.to_numpy() for name, column in columns.items()}
         return parse_answers(arrays, label, rows, self.frame_id, scene, stamps_ns)
 
@@ -187,6 +192,7 @@ _ALLOWED = {
     "class": {"text", "integer"},
     "tick": {"integer"},
     "stamp_ns": {"integer"},
+    TRACK_COLUMN: {"integer"},
 }
 
 
@@ -213,7 +219,7 @@ def _typed(name: str, table: pa.Table) -> pa.ChunkedArray:
     column = table.column(name)
     if not pa.types.is_null(column.type):
         return column
-    return column.cast(pa.string() if name in TEXT_COLUMNS else pa.int64() if name in FRAME_COLUMNS else pa.float64())
+    return column.cast(pa.string() if name in TEXT_COLUMNS else pa.int64() if name in INTEGER_COLUMNS else pa.float64())
 
 
 def _is_text(kind: pa.DataType) -> bool:

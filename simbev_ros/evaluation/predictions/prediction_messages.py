@@ -6,10 +6,13 @@ the live evaluator share this code, which imports no ROS.
 Boxes:
 
 * sensor_msgs/msg/PointCloud2: a table with the fields x y z length width height yaw, class (a number) and score;
-  optional vx vy vz; other fields are ignored.
+  optional vx vy vz, and id, a whole number, of the track that the box belongs to (negative: of none); other fields are
+  ignored.
 * visualization_msgs/msg/MarkerArray: each CUBE with action ADD is a box: ns = class, text = score ("": 1.0), pose =
-  center and heading, scale = length, width, height; markers of other types are ignored.
-* vision_msgs/msg/Detection3DArray: results[0].hypothesis.class_id (name or number) and score, bbox.center, bbox.size.
+  center and heading, scale = length, width, height; markers of other types are ignored. Ids do not count, because
+  viewers need some of any marker.
+* vision_msgs/msg/Detection3DArray: results[0].hypothesis.class_id (name or number) and score, bbox.center, bbox.size;
+  id, any text, of the track (empty: none).
 
 Scores:
 
@@ -22,12 +25,15 @@ MarkerArray has neither, and so answers no frame: a stack that finds nothing sho
 """
 
 from collections.abc import Callable, Mapping
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
 
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     BOX_COLUMNS,
+    TRACK_COLUMN,
     UPRIGHT,
     VELOCITY_COLUMNS,
     PredictedBoxes,
@@ -162,11 +168,13 @@ def _table_columns(message: Any, source: str) -> _Columns:
             raise InputError(f"{source}: {name}: there is no such field; it has {', '.join(names)}")
         if table.dtype[name].shape:
             raise InputError(f"{source}: {name}: has the count {table.dtype[name].shape[0]}; it must be 1")
-    if table.dtype["class"].kind not in "iu":
-        raise InputError(f"{source}: class: is of the type {table.dtype['class']}; it must be a whole-number type")
+    for name in ("class", TRACK_COLUMN):
+        if name in names and table.dtype[name].kind not in "iu":
+            raise InputError(f"{source}: {name}: is of the type {table.dtype[name]}; it must be a whole-number type")
     rows = Rows(source, np.arange(len(table)))
     label = numbered_labels(table["class"].astype(np.int64), rows, may_be_empty=False)
-    return {name: table[name] for name in ("score", *BOX_COLUMNS, *VELOCITY_COLUMNS) if name in names}, label
+    known = ("score", *BOX_COLUMNS, *VELOCITY_COLUMNS, TRACK_COLUMN)
+    return {name: table[name] for name in known if name in names}, label
 
 
 def _marker_columns(message: Any, source: str) -> _Columns:
@@ -188,9 +196,16 @@ def _detection_columns(message: Any, source: str) -> _Columns:
         best = [each.results[0].hypothesis for each in message.detections]
         scores, classes = [each.score for each in best], [each.class_id for each in best]
         poses = [(each.bbox.center, each.bbox.size) for each in message.detections]
-        return _box_columns(poses, scores, classes, source)
+        columns, label = _box_columns(poses, scores, classes, source)
+        tracks = [_track_of(getattr(each, "id", "")) for each in message.detections]
+        return {**columns, TRACK_COLUMN: np.array(tracks, np.int64)}, label
     except AttributeError as error:  # of these types, only this one has changed between ROS releases
         raise InputError(f"{source}: {error}; vision_msgs of ROS 2 Galactic or later is required") from None
+
+
+def _track_of(text: str) -> int:
+    """Number of a track with any text as its id, the same in every message; ``NO_TRACK`` without a text."""
+    return int.from_bytes(blake2b(text.encode(), digest_size=7).digest(), "big") if text else NO_TRACK
 
 
 def _box_columns(poses: list[tuple[Any, Any]], scores: list[float], classes: list[str], source: str) -> _Columns:

@@ -19,8 +19,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from simbev_ros.evaluation.metrics.boxes import Predictions
-from simbev_ros.evaluation.predictions.predicted_boxes import BOX_COLUMNS, MAP_FRAME, VELOCITY_COLUMNS
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK, Predictions
+from simbev_ros.evaluation.predictions.predicted_boxes import BOX_COLUMNS, MAP_FRAME, TRACK_COLUMN, VELOCITY_COLUMNS
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, ScoreGrid, grid_file
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import require_replaceable
@@ -35,6 +35,8 @@ def write_predictions(
     path: Path,
     scenes: Iterable[tuple[str, Predictions] | tuple[str, Predictions, Iterable[int]]],
     frame_id: str = MAP_FRAME,
+    *,
+    tracks: bool = False,
 ) -> None:
     """Write boxes as Parquet, one row group per scene; only one scene is in memory at a time.
 
@@ -43,12 +45,14 @@ def write_predictions(
         scenes: Name and boxes of each scene; their ``frame`` is the tick; optionally also the ticks that were answered,
             so that answers without boxes are recorded.
         frame_id: Coordinate frame of all boxes.
+        tracks: Whether to write the ids of tracks.
 
     Raises:
         InputError: The file exists, or cannot be written.
     """
     fields = [("scene", _TEXT), ("tick", pa.int64()), ("class", _TEXT), ("score", pa.float64())]
-    schema = pa.schema([*fields, *((name, pa.float64()) for name in _NUMBERS)], {"frame_id": frame_id})
+    fields += [(name, pa.float64()) for name in _NUMBERS] + ([(TRACK_COLUMN, pa.int64())] if tracks else [])
+    schema = pa.schema(fields, {"frame_id": frame_id})
     if path.exists():
         raise InputError(f"{path}: exists already; predictions are written to a new file")
     require_replaceable(path)
@@ -96,4 +100,7 @@ def _table(scene: str, predictions: Predictions, answered: Iterable[int], schema
     classes = pa.DictionaryArray.from_arrays(pa.array(label[order], mask=is_empty[order]), [*BOX_CLASSES])
     names = pa.DictionaryArray.from_arrays(np.zeros(count, np.int32), [scene])
     columns = [pa.array(column, from_pandas=True) for column in numbers[order].T]
+    if TRACK_COLUMN in schema.names:
+        track = np.concatenate([boxes.track, np.full(len(empty), NO_TRACK)])[order]
+        columns.append(pa.array(track, mask=track == NO_TRACK))
     return pa.table([names, pa.array(tick[order]), classes, *columns], schema=schema)

@@ -19,6 +19,7 @@ from simbev_ros.evaluation.tables import (
     segmentation_table,
     summary_table,
     text_of,
+    tracking_table,
 )
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.show.pages.web_page import web_page
@@ -42,6 +43,11 @@ _BOXES_NOTE = (
 
 _NUSCENES_NOTE = (
     "Its own metrics, over its classes, ranges and keyframes. In NDS and mAP, classes that do not occur count 0."
+)
+
+_TRACKS_NOTE = (
+    "Centers of matches are nearer than 2 m in the plane. AMOTA and AMOTP are means over 40 recalls; the other "
+    "metrics are of the tracks with at least the mean score in the table, at which MOTA is highest."
 )
 
 _SCENES_NOTE = (
@@ -83,6 +89,7 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
     detection, segmentation = figures.get("detection", {}), figures.get("segmentation", {})
     sections = [
         _boxes(evaluation, detection),
+        _tracking(figures.get("tracking", {})),
         _cells(segmentation),
         *_conditions(figures),
         _nuscenes(figures.get("nuscenes", {})),
@@ -136,6 +143,13 @@ def _cells(segmentation: Figures) -> str:
     return section(
         "Bird's-eye view", body, "IoU of cells by class; a class is present where its score is above the threshold."
     )
+
+
+def _tracking(tracking: Figures) -> str:
+    if not tracking:
+        return ""
+    shown = [(text_of(tracking[name]), name) for name in ("AMOTA", "HOTA")]
+    return section("Tracks", key_figures(shown) + html_table(tracking_table(tracking)), _TRACKS_NOTE)
 
 
 def _nuscenes(nuscenes: Figures) -> str:

@@ -76,6 +76,8 @@ def run(
 
     simbev run my.yaml --stack "baseline-lidar runs/mine/model.onnx"
 
+    simbev run my.yaml --stack "baseline-lidar --track" --evaluate figures.json
+
     simbev run my.yaml --record datasets/first --view
 
     simbev run live --live --ros-args -r /ego/lidar/points:=/points

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
+from simbev_ros.config.included_stacks import INCLUDED_STACKS, TRACK_OPTION, IncludedStack
 from simbev_ros.config.rig import Rig
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, PAPER_CLASSES
 
@@ -65,7 +65,7 @@ class Evaluation(Model):
         None,
         description="command that starts the stack with the graph, or the name of an included one: "
         f"{', '.join(f'`{name}`' for name in INCLUDED_STACKS)}; a baseline may be followed by a file (.onnx) of "
-        "weights that replaces the one in the package",
+        f"weights that replaces the one in the package, and by `{TRACK_OPTION}`: its boxes then have ids of tracks",
     )
     truth: Truth = Field(
         "own",
@@ -154,7 +154,17 @@ class Evaluation(Model):
     @property
     def weights(self) -> str | None:
         """The file of weights for the included stack; None: those in the package."""
-        return self.stack[1] if self.stack is not None and self.included is not None and self.stack[1:] else None
+        return next((word for word in self._words_of_included if word != TRACK_OPTION), None)
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the included stack is to track its boxes."""
+        return TRACK_OPTION in self._words_of_included
+
+    @property
+    def _words_of_included(self) -> tuple[str, ...]:
+        """What follows the name of the included stack."""
+        return () if self.stack is None or self.included is None else self.stack[1:]
 
     def participants_of(self, agent: str) -> tuple[str, ...]:
         """Nodes of the stack for which the world waits, by their names on /sync/ready.
@@ -171,12 +181,11 @@ class Evaluation(Model):
         included = self.included
         if included is None or self.stack is None:
             return self
-        allowed = ["one file of weights"] if included.takes_weights else []
-        if len(self.stack) > 1 + len(allowed):
-            raise ValueError(
-                f"stack: after {included.name} may come {' '.join(allowed) or 'nothing'}, not "
-                f"{shlex.join(self.stack[1:])}"
-            )
+        words = sorted(self._words_of_included, key=TRACK_OPTION.__eq__)
+        files = words[:-1] if self.tracks else words
+        allowed = f"one file of weights and {TRACK_OPTION}" if included.is_model else "nothing"
+        if len(files) > 1 or TRACK_OPTION in files or (words and not included.is_model):
+            raise ValueError(f"stack: after {included.name} may come {allowed}, not {shlex.join(self.stack[1:])}")
         if self.participant not in (None, included.participant):
             raise ValueError(
                 f"participant: the stack {included.name} is called {included.participant}; leave participant out"

@@ -6,6 +6,8 @@ This table is the only place of their names.
 from dataclasses import dataclass
 from typing import Literal
 
+TRACK_OPTION = "--track"
+"""Option of a baseline in ``evaluation.stack``: it tracks its boxes."""
 Sight = Literal["camera", "lidar"]
 """Kinds of sensors that a stack sees."""
 
@@ -35,8 +37,8 @@ class IncludedStack:
         return f"{agent}_{self.participant}" if agent else self.participant
 
     @property
-    def takes_weights(self) -> bool:
-        """Whether a file of weights may follow its name."""
+    def is_model(self) -> bool:
+        """Whether it is a trained model: a file of weights and ``TRACK_OPTION`` may follow its name."""
         return self.modality is not None
 
 

@@ -29,7 +29,8 @@ def fuse_boxes(tables: Sequence[Table], map_from_ego: Floats) -> Table:
     """
     boxes = np.concatenate(tables)
     agent = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
-    boxes["id"] += (agent * _IDS_PER_AGENT).astype(np.uint32)
+    has_track = boxes["id"] >= 0
+    boxes["id"][has_track] += (agent[has_track] * _IDS_PER_AGENT).astype(np.int32)
     is_other = ~((agent > 0) & _is_ego(boxes, map_from_ego))
     boxes, agent = boxes[is_other], agent[is_other]
     order = np.argsort(-boxes["score"], kind="stable")

@@ -14,7 +14,7 @@ from simbev_ros.reference_stack.arrays import Bytes, Floats, Integers, Table
 from simbev_ros.reference_stack.classes import load_kinds
 
 _NS_PER_S = 1_000_000_000
-_FIELD_TYPES = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "u4": PointField.UINT32, "u1": PointField.UINT8}
+_FIELD_TYPES = {"f4": PointField.FLOAT32, "f8": PointField.FLOAT64, "i4": PointField.INT32, "u1": PointField.UINT8}
 _MIN_SHOWN_SCORE = 0.3
 _COLORS = {
     "car": (0.1, 0.6, 1.0),
@@ -121,10 +121,11 @@ def markers_message(boxes: Table, header: Header) -> MarkerArray:
     kinds = load_kinds()
     name_of = dict(zip(kinds.class_number.tolist(), kinds.class_name, strict=True))
     markers = [Marker(header=header, action=Marker.DELETEALL)]
-    for box in boxes[boxes["score"] >= _MIN_SHOWN_SCORE]:
+    for index, box in enumerate(boxes[boxes["score"] >= _MIN_SHOWN_SCORE]):
         name, score, half_rad = name_of[int(box["class"])], float(box["score"]), float(box["yaw"]) / 2
         red, green, blue = _COLORS[name]
-        marker = Marker(header=header, ns=name, id=int(box["id"]), type=Marker.CUBE, text=f"{score:.2f}")
+        number = int(box["id"]) if box["id"] >= 0 else -1 - index
+        marker = Marker(header=header, ns=name, id=number, type=Marker.CUBE, text=f"{score:.2f}")
         marker.pose = Pose(
             position=Point(x=float(box["x"]), y=float(box["y"]), z=float(box["z"])),
             orientation=Quaternion(z=float(np.sin(half_rad)), w=float(np.cos(half_rad))),

@@ -26,7 +26,7 @@ BOX_DTYPE = np.dtype(
         ("vy", "<f4"),
         ("vz", "<f4"),
         ("score", "<f4"),  # 0 … 1
-        ("id", "<u4"),  # of the track
+        ("id", "<i4"),  # of the track; -1: of none
         ("class", "u1"),  # as in /world/legend
     ]
 )

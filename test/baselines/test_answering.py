@@ -1,5 +1,6 @@
 """Frames reach the model as it was trained, and its answers come back in the map and on the scene's grid."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,10 +52,10 @@ def pose(x_m: float, yaw_rad: float) -> Float64Array:
     return matrices_from_xyz_rpy(np.array([x_m, 0.0, 0.0]), np.array([0.0, 0.0, yaw_rad]))
 
 
-def answering(baseline: FakeBaseline) -> Answering:
+def answering(baseline: FakeBaseline, *, tracks: bool = False) -> Answering:
     text = made_up_spec(SENSORS, number=0, split="train", ticks=1).model_dump_json()
     inputs = inputs_of_scene(text, Modality.FUSED, "", baseline.cameras, SIZE_PX)
-    return Answering(baseline, inputs)  # type: ignore[arg-type]
+    return Answering(baseline, inputs, tracks=tracks)  # type: ignore[arg-type]
 
 
 def frame(map_from_ego: Float64Array, *older: Sweep | None) -> Frame:
@@ -79,12 +80,22 @@ def test_earlier_sweeps_move_to_the_frame_of_the_newest() -> None:
     assert points == pytest.approx(np.array([[1, 2, 3, 0], [0, 9, 0.5, 2]]), abs=1e-4)
 
 
-def test_boxes_are_published_in_the_map_with_ids() -> None:
+def test_boxes_are_published_in_the_map_and_have_no_track() -> None:
     assert BOX_DTYPE == REFERENCE_BOX_DTYPE
     [box] = answering(FakeBaseline()).answer(frame(pose(100.0, np.pi / 2))).boxes
     assert (box["x"], box["y"], box["yaw"]) == pytest.approx((100.0, 10.0, np.pi / 2))
     assert (box["vx"], box["vy"], box["vz"]) == pytest.approx((0.0, 2.0, 0.0), abs=1e-6)
-    assert (box["id"], box["class"], box["length"]) == (1, 5, 4.0)
+    assert (box["id"], box["class"], box["length"]) == (-1, 5, 4.0)
+
+
+def test_tracked_boxes_have_the_ids_and_velocities_of_their_tracks() -> None:
+    tracking, start = answering(FakeBaseline(), tracks=True), frame(pose(0.0, 0.0))
+    [first] = tracking.answer(start).boxes
+    later = replace(start, stamp_ns=start.stamp_ns + 5 * 10**8, map_from_ego=pose(1.3, 0.0))
+    [second] = tracking.answer(later).boxes
+    assert (first["id"], second["id"]) == (1, 1)
+    assert first["vx"] == 2.0 and 2.05 < second["vx"] < 2.6  # it was 1.3 m behind, half a second ago
+    assert second["x"] == 11.3
 
 
 def test_scores_on_the_models_grid_are_its_own() -> None:

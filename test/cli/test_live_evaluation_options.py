@@ -62,7 +62,15 @@ def test_no_command_is_refused(stack: str, words: str) -> None:
     ("stack", "words"),
     [
         ("reference fast", "after reference may come nothing, not fast"),
-        ("baseline-lidar a.onnx b.onnx", "after baseline-lidar may come one file of weights, not a.onnx b.onnx"),
+        (
+            "baseline-lidar a.onnx b.onnx",
+            "after baseline-lidar may come one file of weights and --track, not a.onnx b.onnx",
+        ),
+        (
+            "baseline-lidar --track --track",
+            "after baseline-lidar may come one file of weights and --track, not --track --track",
+        ),
+        ("reference --track", "after reference may come nothing, not --track"),
     ],
 )
 def test_words_that_an_included_stack_does_not_take_are_refused(stack: str, words: str) -> None:

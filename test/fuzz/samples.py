@@ -291,12 +291,12 @@ def _predictions() -> Iterator[tuple[str, str, bytes]]:
     np.savez(stream, **columns)  # type: ignore[arg-type]
     yield "boxes_npz", "valid", stream.getvalue()
     stream = io.BytesIO()
-    numbered = {**columns, "class": np.array([1, 0, -1]), "score": np.array([0.5, 1, np.nan])}
+    numbered = {**columns, "class": np.array([1, 0, -1]), "score": np.array([0.5, 1, np.nan]), "id": np.arange(3) - 1}
     numbered["stamp_ns"] = STAMPS_NS[numbered.pop("tick")]
     del numbered["scene"]
     np.savez(stream, frame_id=np.array("ego/lidar"), **numbered)  # type: ignore[arg-type]
     yield "boxes_npz", "valid_numbers", stream.getvalue()
-    table = pa.table({name: pa.array(values.tolist()) for name, values in columns.items()})
+    table = pa.table({**{name: pa.array(values.tolist()) for name, values in columns.items()}, "id": [5, None, 7]})
     for name, options in {"valid": {}, "valid_plain": {"use_dictionary": False, "compression": "none"}}.items():
         stream = io.BytesIO()
         pq.write_table(table, stream, row_group_size=2, **options)
@@ -314,7 +314,7 @@ def _messages() -> Iterator[tuple[str, str, bytes]]:
     end = SceneEnd(scene=_SPEC.name, tick=1, reason="duration", events=2)
     report_text = f"camera:{_SPEC.name}"
     report = prediction_bags.header(stamp_ns, f"{report_text}:{signer.sign(f'{report_text}:{stamp_ns}')}")
-    boxes = np.zeros(1, prediction_bags.TABLE_DTYPE)
+    boxes = np.zeros(1, [*prediction_bags.TABLE_DTYPE.descr, ("id", "<i4")])
     messages = {
         "boxes_cloud": prediction_bags.table_message(boxes, stamp_ns),
         "boxes_markers": prediction_bags.markers([_ENTRY], head),

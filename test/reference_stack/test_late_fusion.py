@@ -43,6 +43,13 @@ def test_boxes_of_one_agent_are_never_merged() -> None:
     assert fused["x"].tolist() == [10, 11] and fused["id"].tolist() == [1, 2]
 
 
+def test_boxes_without_a_track_stay_without_one() -> None:
+    loose = cars((30, 0), (60, 0))
+    loose["id"] = -1
+    fused = fuse_boxes([cars((10, 0)), loose, cars((90, 0))], AFAR)
+    assert sorted(fused["id"].tolist()) == [-1, -1, 1, 1 + 2 * (1 << 24)]
+
+
 @pytest.mark.parametrize(
     ("yaw_rad", "offset_m", "count"),
     [

@@ -126,6 +126,13 @@ def test_markers_show_likely_boxes_after_deleting_earlier_ones() -> None:
     assert (car.pose.orientation.z, car.pose.orientation.w) == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))
 
 
+def test_markers_of_boxes_without_a_track_have_numbers_of_their_own() -> None:
+    boxes = np.zeros(3, BOX_DTYPE)
+    boxes["score"], boxes["id"] = 0.9, [-1, 4, -1]
+    _, *cars = markers_message(boxes, header_of(STAMP_NS, "map")).markers
+    assert [car.id for car in cars] == [-1, 4, -3]
+
+
 def test_the_stack_finds_the_lidar_of_another_agent(spec: SceneSpec) -> None:
     agent = car("car", 2, [SENSORS[2]], frames={"base_link": "rear_axle"}, base_link_x_m=-1.25)
     agent["annotation"] = {"bev": {"rows": 10, "columns": 12, "cell_m": 2.0}}

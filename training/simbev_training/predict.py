@@ -7,14 +7,22 @@ import numpy as np
 
 from simbev_ros.baselines.boxes import boxes_in_map
 from simbev_ros.baselines.inference import Baseline
+from simbev_ros.baselines.tracked_predictions import track_predictions
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
 from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_training.cache.reader import CachedScene
 
 
 def predict(
-    baseline: Baseline, scenes: Sequence[CachedScene], out: Path, report: Callable[[int], None], every: int = 1
+    baseline: Baseline,
+    scenes: Sequence[CachedScene],
+    out: Path,
+    report: Callable[[int], None],
+    every: int = 1,
+    *,
+    tracks: bool = False,
 ) -> None:
     """Write boxes (map frame) and grids of all key frames.
 
@@ -24,6 +32,7 @@ def predict(
         out: A new folder.
         report: Called with 1 after each frame.
         every: Only every Nth key frame of a scene.
+        tracks: Whether to track the boxes, which gives them ids and the velocities of their tracks.
 
     Raises:
         InputError: The folder holds predictions already.
@@ -42,9 +51,13 @@ def predict(
                 tables.append((tick, answer.boxes, frame["map_from_ego"]))
                 ticks.append(tick)
                 report(1)
-            yield name, _predictions(tables), ticks
+            predictions = _predictions(tables)
+            if tracks:
+                stamps_s = (scene.frames["stamp_ns"][::every] / NS_PER_S).tolist()
+                predictions = track_predictions(predictions, dict(zip(ticks, stamps_s, strict=True)))
+            yield name, predictions, ticks
 
-    write_predictions(out / "boxes.parquet", answers())
+    write_predictions(out / "boxes.parquet", answers(), tracks=tracks)
 
 
 def _predictions(tables: Sequence[tuple[int, Table, Float64Array]]) -> Predictions:

@@ -5,13 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from made_up_scene import MadeUp, made_up_scene, made_up_spec, record_made_up
 from scipy.spatial.transform import Rotation
 from several_agents import car, with_agents
 
-from simbev_ros.baselines.boxes import DETECTED_CLASSES
-from simbev_ros.baselines.inference import Baseline
+from simbev_ros.baselines.boxes import BOX_DTYPE, DETECTED_CLASSES
+from simbev_ros.baselines.grid import CELLS
+from simbev_ros.baselines.inference import Answer, Baseline
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model_file import model_file
 from simbev_ros.dataset.index import update_index
@@ -28,6 +30,17 @@ SENSORS: list[dict[str, Any]] = [
     {"type": "lidar", "name": "lidar", "pose": {"x_m": 0.5, "z_m": 1.8, "yaw_deg": 30}},
 ]
 TICKS = 7
+
+
+class StandingCar:
+    """A model that finds the same car in every frame."""
+
+    modality, sweep_ages_ns = Modality.LIDAR, (0,)
+
+    def answer(self, *_: Any) -> Answer:
+        boxes = np.zeros(1, BOX_DTYPE)
+        boxes["score"], boxes["length"] = 0.9, 4.0
+        return Answer(np.zeros((CELLS, CELLS, 14), np.uint8), boxes)
 
 
 def fill(dataset: Path, cache: Path, modality: Modality = Modality.FUSED, agent: str | None = None) -> tuple[int, int]:
@@ -130,8 +143,19 @@ def test_a_lidar_baseline_looks_at_the_lidar_alone(tmp_path: Path, cameras: list
     assert len(scene.frames) == TICKS
     assert len(scene.sample(0, (0,)).points()) > 100
     predict(Baseline(model_file("lidar")), [scene], tmp_path / "predictions", lambda _: None, every=TICKS)
+    assert "id" not in pq.read_schema(tmp_path / "predictions/boxes.parquet").names
     with pytest.raises(InputError, match="camera"):
         fill(tmp_path / "set", tmp_path / "cache", Modality.FUSED)
+
+
+def test_tracked_predictions_have_ids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make(tmp_path / "set", sensors=[SENSORS[2]])
+    fill(tmp_path / "set", tmp_path / "cache", Modality.LIDAR)
+    scenes = cached_scenes(tmp_path / "cache", "train")
+    monkeypatch.setattr("simbev_training.predict.boxes_in_map", lambda boxes, pose: boxes)
+    predict(StandingCar(), scenes, tmp_path / "predictions", lambda _: None, tracks=True)  # type: ignore[arg-type]
+    table = pq.read_table(tmp_path / "predictions/boxes.parquet")
+    assert table["tick"].to_pylist() == [*range(TICKS)] and table["id"].to_pylist() == [1] * TICKS
 
 
 def test_a_cache_of_another_agent_has_what_it_sees_and_replaces_the_first_agents(tmp_path: Path) -> None:

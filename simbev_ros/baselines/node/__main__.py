@@ -24,7 +24,7 @@ def main() -> int:
     try:
         baseline = load_baseline(Modality(options.modality), options.weights)
         rclpy.init(args=["--ros-args", *of_ros])
-        node = BaselineNode(baseline)
+        node = BaselineNode(baseline, tracks=options.track)
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "weights", nargs="?", type=Path, help="ONNX file that simbev train wrote; default: the weights in the package"
     )
+    parser.add_argument("--track", action="store_true", help="track the boxes: they get ids")
     return parser
 
 

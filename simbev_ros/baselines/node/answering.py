@@ -10,10 +10,10 @@ from simbev_ros.baselines.boxes import boxes_in_map
 from simbev_ros.baselines.frames import points_of_frame, projections
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M
 from simbev_ros.baselines.inference import Baseline
-from simbev_ros.baselines.node.ids import BoxIds
 from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projections
 from simbev_ros.baselines.node.sweeps import Sweep
+from simbev_ros.baselines.tracker import NO_TRACK, Tracker
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.types import Float32Array, Float64Array, Table, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -59,10 +59,12 @@ class Answering:
     Args:
         baseline: The model.
         inputs: What the scene sends.
+        tracks: Whether to track boxes, which gives them ids and the velocities of their tracks.
     """
 
-    def __init__(self, baseline: Baseline, inputs: SceneInputs) -> None:
-        self._baseline, self._inputs, self._ids = baseline, inputs, BoxIds()
+    def __init__(self, baseline: Baseline, inputs: SceneInputs, *, tracks: bool = False) -> None:
+        self._baseline, self._inputs = baseline, inputs
+        self._tracker = Tracker() if tracks else None
 
     def answer(self, frame: Frame) -> FrameAnswer:
         """Answer a frame.
@@ -77,7 +79,10 @@ class Answering:
         published = np.zeros(len(boxes), BOX_DTYPE)
         for name in MODEL_BOX_DTYPE.names or ():
             published[name] = boxes[name]
-        published["id"] = self._ids.assign(boxes, frame.stamp_ns / NS_PER_S)
+        published["id"] = NO_TRACK
+        if self._tracker is not None:
+            tracked = self._tracker.step(boxes, frame.stamp_ns / NS_PER_S)
+            published["id"], (published["vx"], published["vy"]) = tracked.id, tracked.velocity_mps.T
         return FrameAnswer(published, scores_on_grid(answer.cells, self._inputs.grid))
 
     def _camera_inputs(self, frame: Frame) -> tuple[UInt8Array, Float32Array]:

@@ -71,11 +71,12 @@ class BaselineNode(Node):
 
     Args:
         baseline: The model.
+        tracks: Whether to track the boxes.
     """
 
-    def __init__(self, baseline: Baseline) -> None:
+    def __init__(self, baseline: Baseline, *, tracks: bool = False) -> None:
         super().__init__(baseline_stack(baseline.modality).participant)
-        self._baseline = baseline
+        self._baseline, self._tracks = baseline, tracks
         self._agent = str(self.declare_parameter("agent", "").value)
         self._lidar_topic = str(self.declare_parameter("lidar_topic", "").value)
         self._live_parameter = bool(self.declare_parameter("live", False).value)
@@ -124,7 +125,7 @@ class BaselineNode(Node):
         for camera in inputs.cameras.values():
             forms = (_Offer(camera.compressed_topic, CompressedImage), _Offer(camera.raw_topic, Image))
             self._offers[camera.compressed_topic] = forms
-        self._inputs, self._answering = inputs, Answering(baseline, inputs)
+        self._inputs, self._answering = inputs, Answering(baseline, inputs, tracks=self._tracks)
         self._join = TickJoin(all_of(inputs.due, patience_ticks=_PATIENCE_TICKS * inputs.tick_ns, in_order=True))
 
     def _connect(self) -> None:

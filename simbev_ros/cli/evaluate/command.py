@@ -53,6 +53,8 @@ def evaluate(
 
     simbev evaluate results datasets/first --range :50 --points 1 --classes car,pedestrian --by distance,weather
 
+    simbev evaluate predictions/tracks datasets/baselines --split test --every 10 --points 1 --range :50
+
     simbev evaluate fused.parquet datasets/cars --agent car_2 --truth joint --points 1
 
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --config night.yaml

@@ -33,8 +33,9 @@ StackOption = Annotated[
     list[str] | None,
     typer.Option(
         help="Run this command with the graph and evaluate its answers. Included are "
-        f"{', '.join(INCLUDED_STACKS)}; a file (.onnx) of weights may follow a baseline. In a scene with several "
-        "agents, AGENT=COMMAND is the stack of one of them, and the option can be repeated.",
+        f"{', '.join(INCLUDED_STACKS)}; a file (.onnx) of weights and --track, which gives boxes ids, may follow "
+        "a baseline. In a scene with several agents, AGENT=COMMAND is the stack of one of them, and the option can be "
+        "repeated.",
         metavar="COMMAND",
         rich_help_panel=_PANEL,
     ),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, EvaluatedAgent, Evaluation
-from simbev_ros.config.included_stacks import IncludedStack
+from simbev_ros.config.included_stacks import TRACK_OPTION, IncludedStack
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
@@ -118,7 +118,8 @@ def _model_words(included: IncludedStack, evaluation: Evaluation) -> tuple[str, 
     if included.modality is None:
         return ()
     weights = None if evaluation.weights is None else Path(evaluation.weights)
-    return import_module(f"{included.module}.command").model_words(included.modality, weights)
+    words = import_module(f"{included.module}.command").model_words(included.modality, weights)
+    return (*words, *([TRACK_OPTION] if evaluation.tracks else []))
 
 
 def _remapping(agent: EvaluatedAgent, included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> Iterator[str]:

@@ -105,6 +105,14 @@ def test_a_baseline_gets_its_weights_and_a_lidar_if_it_sees_one(weights: Path, m
     assert scenario.participants == (f"baseline_{modality}",)
 
 
+@pytest.mark.parametrize("words", [["--track"], ["WEIGHTS", "--track"], ["--track", "WEIGHTS"]])
+def test_a_baseline_is_told_to_track(weights: Path, monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
+    monkeypatch.setattr("simbev_ros.baselines.model_file.weights_file", lambda _: weights)
+    given = [str(weights) if word == "WEIGHTS" else word for word in words]
+    command = command_of(scenario_with_evaluation({"stack": ["baseline-lidar", *given]}))
+    assert command[3:6] == ("lidar", str(weights), "--track")
+
+
 @pytest.mark.parametrize(
     ("name", "rates_hz", "topic"),
     [

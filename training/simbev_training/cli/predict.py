@@ -20,6 +20,7 @@ def predict(
     out: Annotated[Path, typer.Option(help="New folder for the predictions.", show_default=False)],
     split: Annotated[Literal["train", "val", "test"], typer.Option(help="Only scenes of this split.")] = "test",
     every: Annotated[int, typer.Option(help="Only every Nth key frame of each scene.", min=1)] = 1,
+    track: Annotated[bool, typer.Option("--track", help="Track the boxes: they get ids.")] = False,
     agent: AgentOption = None,
     cache: Cache = None,
     workers: Workers = None,
@@ -34,6 +35,8 @@ def predict(
 
     simbev predict runs/mine/model.onnx datasets/baselines --out predictions/mine --split val
 
+    simbev predict lidar datasets/baselines --out predictions/tracks --track
+
     simbev evaluate predictions/lidar datasets/baselines --split test --every 10 --points 1
     """
     from simbev_ros.baselines.inference import Baseline
@@ -46,5 +49,5 @@ def predict(
     scenes = cached_scenes(filled_cache(dataset, cache, baseline.modality, pool, console, agent), split)
     frames = sum(len(range(0, len(scene.frames), every)) for scene in scenes)
     with counting_bar("frames", console, frames) as bar:
-        run(baseline, scenes, out, bar.advance, every)
+        run(baseline, scenes, out, bar.advance, every, tracks=track)
     make_console().print(f"{frames} frames of {len(scenes)} scenes are predicted in {out}")

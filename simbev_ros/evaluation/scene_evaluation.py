@@ -105,8 +105,15 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         frozenset(cells.classes),
         _nuscenes(scene, boxes) if options.nuscenes else None,
         scene_boxes.count_left_out(),
-        scene_boxes.tracks(),
+        _tracks(scene, scene_boxes),
     )
+
+
+def _tracks(scene: Scene, boxes: SceneBoxes) -> SceneTracks:
+    try:
+        return boxes.tracks()
+    except InputError as error:
+        raise InputError(f"predictions of {scene.name}: {error}; files may not share ids") from None
 
 
 def _boxes_in_map(scene: Scene, predicted: PredictedScene) -> Predictions:

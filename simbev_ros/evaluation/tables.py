@@ -15,7 +15,8 @@ from simbev_ros.evaluation.metrics.tracking import COUNTS, METRICS
 
 METHOD_NAMES: Mapping[str, str] = {"iou": "3D IoU", "distance": "distance"}
 """Display name of each matching method."""
-_UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s", "AMOTP": " m", "MOTP": " m"}
+_UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s"}
+_TRACK_UNITS: Mapping[str, str] = {"AMOTP": " m", "MOTP": " m"}
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
 """Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
@@ -125,7 +126,7 @@ def tracking_table(tracking: Figures) -> FigureTable:
         ]
         for name, values in {**classes, "mean": {**tracking, **total}}.items()
     ]
-    heads = ("class", "boxes", "objects", *(f"{name}{_UNITS.get(name, '')}" for name in METRICS))
+    heads = ("class", "boxes", "objects", *(f"{name}{_TRACK_UNITS.get(name, '')}" for name in METRICS))
     return FigureTable("tracking", heads, rows)
 
 
@@ -233,7 +234,7 @@ def text_of(value: float | None) -> str:
 def _tracking_cell(metric: str, value: float | None) -> Cell:
     if metric in COUNTS and value is not None:
         return _count_cell(round(value))
-    return Cell(CellKind.NUMBER if metric in _UNITS else CellKind.SHARE, value)
+    return Cell(CellKind.NUMBER if metric in _TRACK_UNITS else CellKind.SHARE, value)
 
 
 def _name_cell(text: str) -> Cell:

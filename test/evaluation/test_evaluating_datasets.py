@@ -156,6 +156,26 @@ def test_frames_are_judged_by_as_many_top_predictions_as_boxes(dataset: Path, tm
     np.testing.assert_array_equal(result.frames[made.NAMES[0]]["found"], [2] * made.TICKS)
 
 
+def test_tracks_are_measured_where_boxes_have_ids(dataset: Path, tmp_path: Path) -> None:
+    assert run_evaluation(dataset, write_answers(tmp_path, made.as_predicted())).tracking is None
+    path = tmp_path / "tracked.parquet"
+    write_predictions(path, [(made.NAMES[0], made.as_predicted())], tracks=True)
+    result = run_evaluation(dataset, path, EvaluationOptions(box_classes=("car",)))
+    figures = figures_of(result)["tracking"]
+    found = figures["classes"]["car"]
+    assert [*figures["classes"]] == ["car"] and figures["MOTA"] == found["MOTA"]
+    assert found["recall"] == pytest.approx(0.5)  # the other scene has no predictions
+    assert (found["MOTP"], found["IDS"], found["FRAG"], found["AssA"]) == (0, 0, 0, pytest.approx(1))
+    assert found["boxes"] == result.detections[TableSlice()].truths.sum()
+
+
+def test_two_files_with_the_same_ids_are_refused(dataset: Path, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_predictions(tmp_path / f"{name}.parquet", [(made.NAMES[0], made.as_predicted())], tracks=True)
+    with pytest.raises(InputError, match=rf"^predictions of {made.NAMES[0]}: id: 2 boxes of class .*; files may not"):
+        run_evaluation(dataset, tmp_path)
+
+
 def test_processes_give_the_same_figures(dataset: Path, tmp_path: Path) -> None:
     own = made.truth()
     noisy = made.as_predicted(center_m=own.center_m + np.random.default_rng(1).normal(0, 0.5, own.center_m.shape))

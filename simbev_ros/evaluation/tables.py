@@ -11,12 +11,18 @@ from typing import Any, NamedTuple
 from simbev_ros.evaluation.figures import METHODS
 from simbev_ros.evaluation.metrics.errors import ERRORS
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD
-from simbev_ros.evaluation.metrics.tracking import COUNTS, METRICS
+from simbev_ros.evaluation.metrics.tracking import COUNTS
 
 METHOD_NAMES: Mapping[str, str] = {"iou": "3D IoU", "distance": "distance"}
 """Display name of each matching method."""
 _UNITS: Mapping[str, str] = {"ATE": " m", "AOE": " rad", "AVE": " m/s"}
 _TRACK_UNITS: Mapping[str, str] = {"AMOTP": " m", "MOTP": " m"}
+_TRACK_COUNTS = ("boxes", "objects", *COUNTS)
+_TRACK_TABLES: Mapping[str, Sequence[str]] = {
+    "tracks": ("boxes", "objects", "AMOTA", "AMOTP", "MOTA", "MOTP", "recall", "IDS", "FRAG"),
+    "tracks by HOTA": ("score", "HOTA", "DetA", "AssA", "AssPr", "AssRe"),
+}
+"""Columns of the tables of tracking metrics, by title."""
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
 """Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
@@ -63,7 +69,7 @@ def evaluation_tables(figures: Figures) -> Iterator[FigureTable]:
             yield precision_table(detection, method)
         yield error_table(detection)
     if tracking := figures.get("tracking"):
-        yield tracking_table(tracking)
+        yield from tracking_tables(tracking)
     if segmentation := figures.get("segmentation"):
         yield segmentation_table(segmentation)
     for condition in conditions_of(figures):
@@ -114,20 +120,17 @@ def error_table(detection: Figures) -> FigureTable:
     return FigureTable(title, ("class", *(list(ERROR_HEADS) * len(methods))), rows)
 
 
-def tracking_table(tracking: Figures) -> FigureTable:
-    """Table with a row per class: tracking metrics; the last row has their means, and the sums of counts."""
+def tracking_tables(tracking: Figures) -> Iterator[FigureTable]:
+    """Tables with a row per class: tracking metrics; the last row has their means, and the sums of counts."""
     classes = tracking["classes"]
-    total: dict[str, Any] = {each: sum(row[each] for row in classes.values()) for each in ("boxes", "objects")}
-    rows = [
-        [
-            _name_cell(name),
-            *(_count_cell(values[each]) for each in ("boxes", "objects")),
-            *(_tracking_cell(metric, values.get(metric)) for metric in METRICS),
+    total = {each: sum(row[each] for row in classes.values()) for each in ("boxes", "objects")}
+    for title, names in _TRACK_TABLES.items():
+        heads = ("class", *(f"{name}{_TRACK_UNITS.get(name, '')}" for name in names))
+        rows = [
+            [_name_cell(label), *(_tracking_cell(name, row.get(name)) for name in names)]
+            for label, row in {**classes, "mean": {**tracking, **total}}.items()
         ]
-        for name, values in {**classes, "mean": {**tracking, **total}}.items()
-    ]
-    heads = ("class", "boxes", "objects", *(f"{name}{_TRACK_UNITS.get(name, '')}" for name in METRICS))
-    return FigureTable("tracking", heads, rows)
+        yield FigureTable(title, heads, rows)
 
 
 def segmentation_table(segmentation: Figures) -> FigureTable:
@@ -232,7 +235,7 @@ def text_of(value: float | None) -> str:
 
 
 def _tracking_cell(metric: str, value: float | None) -> Cell:
-    if metric in COUNTS and value is not None:
+    if metric in _TRACK_COUNTS and value is not None:
         return _count_cell(round(value))
     return Cell(CellKind.NUMBER if metric in _TRACK_UNITS else CellKind.SHARE, value)
 

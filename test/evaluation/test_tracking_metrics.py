@@ -13,12 +13,14 @@ import pytest
 from made_up_boxes import some_boxes
 from made_up_tracks import CLASSES, all_count, as_json, random_scenes, tracked
 
+from simbev_ros.evaluation.figures import _tracking
 from simbev_ros.evaluation.metrics.boxes import NO_TRACK, Boxes, Predictions
 from simbev_ros.evaluation.metrics.clear_mot import ClearMot, clear_mot
 from simbev_ros.evaluation.metrics.hota import hota
 from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes
 from simbev_ros.evaluation.metrics.tracking import METRICS, TrackingResult, tracking_result
 from simbev_ros.evaluation.metrics.tracks import ClassTracks, class_tracks, join_tracks, scene_tracks
+from simbev_ros.evaluation.tables import tracking_tables
 from simbev_ros.foundation.cache.entries import default_cache_dir
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BOX_CLASSES
@@ -181,6 +183,15 @@ def test_classes_have_means_but_counts_have_sums() -> None:
     assert (lost["AMOTA"], lost["AMOTP"], lost["MOTA"], lost["HOTA"]) == (0, 2, 0, 0) and np.isnan(lost["IDS"])
     totals = result.totals()
     assert totals["IDS"] == 1 and totals["MOTA"] == pytest.approx(0.45) and "score" not in totals
+
+
+def test_tables_have_a_row_per_class_and_the_means() -> None:
+    truth = tracked(straight(7, range(10)))
+    result = evaluated(truth, tracked(straight(1, range(5)) + straight(2, range(5, 10))))
+    first, second = tracking_tables(_tracking(result))  # 35 of 40 recalls are at most 0.9, that without the switch
+    assert [cell.value for cell in first.rows[0]] == ["car", 10, 1, 35 / 40, 5 * 2 / 40, 0.9, 0, 1, 1, 0]
+    assert first.heads[3:7] == ("AMOTA", "AMOTP m", "MOTA", "MOTP m") and first.rows[1][1:3] == first.rows[0][1:3]
+    assert [cell.value for cell in second.rows[1]][:2] == ["mean", None] and second.rows[0][1].value == 0.5
 
 
 def test_boxes_without_a_track_do_not_count() -> None:

@@ -19,7 +19,7 @@ from simbev_ros.evaluation.tables import (
     segmentation_table,
     summary_table,
     text_of,
-    tracking_table,
+    tracking_tables,
 )
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.show.pages.web_page import web_page
@@ -149,7 +149,7 @@ def _tracking(tracking: Figures) -> str:
     if not tracking:
         return ""
     shown = [(text_of(tracking[name]), name) for name in ("AMOTA", "HOTA")]
-    return section("Tracks", key_figures(shown) + html_table(tracking_table(tracking)), _TRACKS_NOTE)
+    return section("Tracks", key_figures(shown) + "".join(map(html_table, tracking_tables(tracking))), _TRACKS_NOTE)
 
 
 def _nuscenes(nuscenes: Figures) -> str:

@@ -83,7 +83,7 @@ def test_statistics_do_not_depend_on_the_order_of_points() -> None:
 def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmentation | None) -> None:
     batch = batches(tmp_path, Modality.FUSED, augmentation)[0]
     targets, (points, _) = targets_of(batch), batch.points()
-    for _, label, x, y, z, length, width, height, yaw, _, _ in batch.boxes[batch.boxes[:, 1] == 0].tolist():
+    for _, label, x, y, z, length, width, height, yaw, *_ in batch.boxes[batch.boxes[:, 1] == 0].tolist():
         assert label == 0
         row, column = int((72 - x) / 0.4), int((72 - y) / 0.4)
         assert targets.cells[:, row, column, BEV_CLASSES.index("car")].max() == 1
@@ -407,3 +407,17 @@ def test_one_sweep_and_no_points_nearby_are_drawn_for_each_sample(tmp_path: Path
         alone.append(int((batch.points_of_sweep[0] > 0).sum()) == 1)
     assert np.mean(alone[1:]) > 0.25 and not all(alone)
     assert np.min(nearest_m) < 1.5 and 4.5 < np.max(nearest_m) < 6.5
+
+
+def test_boxes_with_few_points_are_neither_learned_nor_wrong(tmp_path: Path) -> None:
+    scenes = [CachedScene(write_cached_scene(tmp_path))]
+    few, enough = (
+        targets_of(
+            CachedBatches(scenes, Training(modality=Modality.LIDAR, batch_size=1, min_points=each), augmented=False)[0]
+        )
+        for each in (21, 20)
+    )
+    assert few.large.weight.sum() == few.small.weight.sum() == 0
+    assert few.small.heat.max() == few.large.heat.max() == 0
+    assert torch.equal(few.small.open, enough.small.heat) and torch.equal(few.large.open, enough.large.heat)
+    assert enough.small.weight.sum() == 1 and enough.small.open.max() == 0

@@ -14,6 +14,7 @@ from simbev_ros.foundation.types import Float32Array, Float64Array
 from simbev_training.cache.layout import CM_PER_M
 from simbev_training.cache.reader import CachedScene, Sample
 from simbev_training.training.augmentation import Thinning, Warp
+from simbev_training.training.clutter import add_clutter
 from simbev_training.training.config import Training
 from simbev_training.training.image_pasting import Images, paste_images
 from simbev_training.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
@@ -37,8 +38,8 @@ class Batch(NamedTuple):
         depth_m: (B, K, H / 8, W / 8) float32, as recorded; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.
         level_from_warped: (B, 2, 3) float32 inverse of the warp of x and y, with its translation.
-        boxes: (M, 11) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
-            height, yaw, vx, vy.
+        boxes: (M, 12) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
+            height, yaw, vx, vy, and 1 if they have enough points to be learned, else 0.
     """
 
     points_cm: Tensor
@@ -105,6 +106,7 @@ class CachedBatches(Dataset[Batch]):
         self._augmentation, self._seed = training.augmentation if augmented else None, training.seed
         # Without a lidar, the newest sweep shows where the ground is, on which objects are pasted.
         self._sweep_ages_s = training.sweep_ages_s if training.modality.has_lidar else training.sweep_ages_s[:1]
+        self._min_points = training.min_points
         self._sweep_ages_ns = sweep_ages_ns(self._sweep_ages_s)
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
         self._donors = frames_with_rare_objects(scenes) if augmented and training.augmentation.pasting > 0 else []
@@ -133,9 +135,12 @@ class CachedBatches(Dataset[Batch]):
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
+        columns = [*(boxes[name] for name in names), boxes["points"] >= self._min_points]
         sweeps = [np.zeros((0, 3), np.int16) for _ in sample.sweeps_cm]
         if self._modality.has_lidar:
             sweeps = thinning.sweeps(sample, rng)
+            if self._augmentation is not None and self._augmentation.clutter:
+                sweeps = add_clutter(sample, sweeps, self._augmentation.clutter, rng)
         size_px = images.rgb.shape[2], images.rgb.shape[1]
         image_warps = np.tile(np.eye(3), (len(images.rgb), 1, 1))
         if self._augmentation is not None:
@@ -153,7 +158,7 @@ class CachedBatches(Dataset[Batch]):
             "depth_m": torch.from_numpy(images.depth_m),
             "cells": torch.from_numpy(sample.cells.astype(np.int32)),
             "level_from_warped": torch.from_numpy(warp.level_from_warped),
-            "boxes": torch.from_numpy(np.stack([boxes[name].astype(np.float32) for name in names], 1)),
+            "boxes": torch.from_numpy(np.stack([each.astype(np.float32) for each in columns], 1)),
         }
 
     def _images(self, sample: Sample) -> Images:

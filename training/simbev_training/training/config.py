@@ -40,6 +40,12 @@ class Augmentation(Model):
         le=10,
         description="maximum distance within which points are left out, as those on the vehicle's own body often are",
     )
+    clutter: float = Field(
+        0.0,
+        ge=0,
+        le=100,
+        description="mean number of places at which posts, bushes, boxes and walls are put, if they are free",
+    )
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     every_second_ring: float = Field(
         0.25,
@@ -69,6 +75,13 @@ class Training(Model):
         min_length=1,
         description="ages of the lidar's sweeps that a frame has, ascending from 0: recent ones show motion, old ones "
         "what is hidden by now",
+    )
+    min_points: int = Field(
+        1,
+        ge=1,
+        le=100,
+        description="boxes with fewer points are not learned, nor is it wrong to find them: what one or two points are "
+        "cannot be seen, and to guess is what makes a model find people everywhere",
     )
     epochs: int = Field(20, ge=1, le=10_000, description="passes over the data")
     batch_size: int = Field(16, ge=1, le=1024, description="samples in a step")

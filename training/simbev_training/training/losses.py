@@ -49,7 +49,7 @@ def _heat_loss(logits: Tensor, targets: BoxTargets) -> Tensor:
     heat, score = targets.heat, torch.sigmoid(logits)
     is_center = heat >= 1.0
     positive = -logsigmoid(logits) * (1.0 - score) ** 2
-    negative = -logsigmoid(-logits) * score**2 * (1.0 - heat) ** 4
+    negative = -logsigmoid(-logits) * score**2 * (1.0 - torch.maximum(heat, targets.open)) ** 4
     return torch.where(is_center, positive, negative).sum() / is_center.sum().clamp(min=1)
 
 

@@ -21,12 +21,14 @@ class BoxTargets(NamedTuple):
 
     Attributes:
         heat: (B, classes, N, N) float32, 1 at centers and less around them.
+        open: (B, classes, N, N) float32, the same for boxes that are not to be learned.
         center: (M,) int64 flat index of sample, row, column of each box's center, of all classes.
-        weight: (M,) float32, 1 for boxes of these classes, else 0.
+        weight: (M,) float32, 1 for boxes of these classes that are to be learned, else 0.
         boxes: (M, len(BOX_VALUES)) values.
     """
 
     heat: Tensor
+    open: Tensor
     center: Tensor
     weight: Tensor
     boxes: Tensor
@@ -94,12 +96,17 @@ def _box_targets(boxes: Tensor, samples: int, labels: range, cells: int) -> BoxT
     area = cells * cells
     plane = (sample * len(labels) + label.clamp(0, len(labels) - 1))[:, None, None] * area
     flat = (plane + row.clamp(0, cells - 1) * cells + column.clamp(0, cells - 1)).flatten()
-    heat = torch.zeros(samples * len(labels) * area, device=boxes.device)
-    heat = heat.scatter_reduce(0, flat, torch.where(inside, peak, 0.0).flatten(), "amax")
-    heat = heat.reshape(samples, len(labels), cells, cells)
+    learned = boxes[:, 11] > 0
+    none = torch.zeros(samples * len(labels) * area, device=boxes.device)
+    heat, unlearned = (
+        none.scatter_reduce(0, flat, torch.where(inside & each[:, None, None], peak, 0.0).flatten(), "amax").reshape(
+            samples, len(labels), cells, cells
+        )
+        for each in (learned, ~learned)
+    )
     offset = position - cell - 0.5
     values = torch.cat(
         [offset, boxes[:, 4:5], torch.log(size), torch.sin(boxes[:, 8:9]), torch.cos(boxes[:, 8:9]), boxes[:, 9:11]], 1
     )
     center = (sample * cells + cell[:, 0]) * cells + cell[:, 1]
-    return BoxTargets(heat, center, wanted.float(), values)
+    return BoxTargets(heat, unlearned, center, (wanted & learned).float(), values)

@@ -14,7 +14,7 @@ from peak_memory import MIB, at_most
 
 from simbev_ros.foundation.errors import InputError, LimitError
 from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
-from simbev_ros.foundation.files.unpacking import NpzReader, bunzip2, read_unpacked
+from simbev_ros.foundation.files.unpacking import NpzReader, bunzip2, read_npy, read_unpacked
 
 
 def test_bzip2_data_are_unpacked_up_to_the_limit() -> None:
@@ -80,6 +80,23 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(make: Callable[[],
     reader = NpzReader(make())
     with at_most(2), pytest.raises(ValueError, match=r"its header says|another way than by numpy|is not supported"):
         reader["a"]
+
+
+def test_the_content_of_an_npy_file_is_checked_before_it_is_read() -> None:
+    assert read_npy(npy("(2,)", "<u4", bytes([1, 0, 0, 0, 2, 0, 0, 0]))).tolist() == [1, 2]
+    with at_most(2), pytest.raises(ValueError, match="its header says"):
+        read_npy(npy(f"({1 << 30},)", "<f8", bytes(8)))
+
+
+def test_structured_arrays_have_plain_values() -> None:
+    rows = np.array([(1, 2.5)], [("a", "<i4"), ("b", "<f8")])
+    good = io.BytesIO()
+    np.save(good, rows)
+    assert read_npy(good.getvalue())["b"].tolist() == [2.5]
+    nested = io.BytesIO()
+    np.save(nested, np.zeros(1, [("a", "<f4", (2,))]))  # sizes of large ones overflow in numpy
+    with pytest.raises(ValueError, match="its fields are not plain values"):
+        read_npy(nested.getvalue())
 
 
 @pytest.mark.parametrize("number", [0x110000, 0xFFFFFFFF, 0xD800, 0xDFFF])

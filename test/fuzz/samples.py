@@ -28,6 +28,7 @@ from lanelet2_sample import LaneletSample, straight_lane
 from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
 from more_samples import served_samples, stored_samples
+from recording_samples import recording_samples
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
 from simbev_ros.dataset.index import INDEX_FILE
@@ -140,6 +141,7 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield from _messages()
     yield from served_samples(_SPEC)
     yield from stored_samples(_OSM)
+    yield from recording_samples()
 
 
 def _lanelets() -> str:

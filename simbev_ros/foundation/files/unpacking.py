@@ -126,6 +126,19 @@ class NpzReader:
         return array
 
 
+def read_npy(data: bytes) -> AnyArray:
+    """Read the content of an NPY file, which may be structured; never a pickled object.
+
+    Raises:
+        errors.NPZ_DAMAGE: It is damaged, or holds Python objects.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that Python 2 wrote it
+        _check_header(io.BytesIO(data), len(data))
+        array: AnyArray = npy.read_array(io.BytesIO(data), allow_pickle=False)
+    return array
+
+
 def _check_header(file: IO[bytes], size_bytes: int) -> None:
     """Raise ValueError if the header of an NPY file promises more than the file holds."""
     version = npy.read_magic(file)
@@ -134,6 +147,9 @@ def _check_header(file: IO[bytes], size_bytes: int) -> None:
     shape, _, dtype = _HEADERS[version](file)
     if dtype.hasobject:
         return  # read_array refuses it
+    fields = (dtype.fields or {}).values()
+    if any(kind.names or kind.subdtype or start + kind.itemsize > dtype.itemsize for kind, start, *_ in fields):
+        raise ValueError("its fields are not plain values")  # sizes of fields of fields overflow in numpy
     if int(np.prod([*map(int, shape)], dtype=object)) * max(1, dtype.itemsize) > size_bytes:
         raise ValueError(f"its header says {shape} of {dtype}, but it has only {size_bytes} bytes")
 

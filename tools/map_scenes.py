@@ -72,7 +72,7 @@ def _labeled_image(frame: Frame) -> UInt8Array:
     (camera,) = (sensor for sensor in frame.scene.view.rig.sensors if isinstance(sensor, Camera))
     picture: UInt8Array = frame["cam_front/rgb"].copy()
     optical_from_map = inverse(frame.map_from_optical(camera.name))
-    draw_wireframes(picture, frame["boxes"], camera, optical_from_map, frame.get("cam_front/depth"), _LINE_PX)
+    draw_wireframes(picture, frame["boxes"], camera.model, optical_from_map, frame.get("cam_front/depth"), _LINE_PX)
     return picture
 
 

@@ -23,6 +23,7 @@ FULL_SPEED_MPS = 15.0
 """Radial speed from which a radar's detections have their full color."""
 
 _GAMMA = np.rint(255.0 * (np.arange(256) / 255.0) ** (1.0 / 2.2)).astype(np.uint8)
+_HEIGHTS_M, _HEIGHT_COLORS = (0.0, 0.3, 2.0, 6.0), ((84, 94, 110), (110, 128, 150), (165, 200, 212), (235, 240, 228))
 _APPROACHING, _RECEDING, _NEITHER = (70, 150, 255), (255, 90, 70), (135, 135, 130)
 
 
@@ -108,6 +109,13 @@ def lidar_picture(points: Table, ego_from_lidar: Float64Array, size_px: int, hal
     colors = semantic_color(points["tag"][upwards].astype(np.uint8))
     colors = np.maximum(colors, (colors // 2 + 80).astype(np.uint8))  # dark tags must show on the dark ground
     return _from_above(points_ego[upwards, :2], colors, 3, size_px, half_extent_m)
+
+
+def heights_picture(points_level: Float32Array, size_px: int, half_extent_m: float) -> UInt8Array:
+    """Picture of (N, 3) points above level ground, like ``lidar_picture``, but colored by height: light is high."""
+    upwards = points_level[np.argsort(points_level[:, 2], kind="stable")]
+    colors = [np.interp(upwards[:, 2], _HEIGHTS_M, channel) for channel in np.transpose(_HEIGHT_COLORS)]
+    return _from_above(upwards[:, :2], np.stack(colors, axis=1).astype(np.uint8), 3, size_px, half_extent_m)
 
 
 def radar_picture(clouds: Sequence[tuple[Table, Float64Array]], size_px: int, half_extent_m: float) -> UInt8Array:

@@ -78,6 +78,7 @@ OUTPUTS = (
     Output("train --out", "train lidar DATASET --workers 1 --out OUT"),
     Output("train --cache", "train lidar DATASET --workers 1 --out RUN --cache OUT"),
     Output("predict --out", "predict lidar DATASET --workers 1 --out OUT"),
+    Output("predict --out", "predict lidar FRAMES --format folder --out OUT", makes="new"),
     Output("predict --cache", "predict lidar DATASET --workers 1 --out RUN --cache OUT"),
 )
 INPUTS = {"realism --against"}

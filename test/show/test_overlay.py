@@ -24,7 +24,7 @@ OPTICAL_FROM_MAP = inverse(
 
 def drawn(rows: Table, depth_m: Float32Array | None = None, size: int = 1) -> BoolArray:
     picture = np.zeros((180 * size, 320 * size, 3), np.uint8)
-    draw_wireframes(picture, rows, CAMERA, OPTICAL_FROM_MAP, depth_m, 1.0)
+    draw_wireframes(picture, rows, CAMERA.model, OPTICAL_FROM_MAP, depth_m, 1.0)
     return np.asarray(picture.max(axis=-1) > 60, bool)
 
 
@@ -62,7 +62,7 @@ def test_occluded_lines_are_faint_and_fully_occluded_boxes_are_not_drawn() -> No
     edge = int(np.argwhere(full)[:, 1].mean())
     half_m[:, :edge] = 6.0
     picture = np.zeros((180, 320, 3), np.uint8)
-    draw_wireframes(picture, row, CAMERA, OPTICAL_FROM_MAP, half_m, 1.0)
+    draw_wireframes(picture, row, CAMERA.model, OPTICAL_FROM_MAP, half_m, 1.0)
     left, right = picture[:, : edge - 3], picture[:, edge + 3 :]
     assert 0 < left.max() < 0.6 * right.max()
 

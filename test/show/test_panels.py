@@ -45,6 +45,13 @@ def test_a_point_ahead_left_is_above_left_and_the_higher_one_is_seen() -> None:
     assert np.abs(changed - semantic_color(np.array([Tag.TERRAIN]))[0]).max() < 60
 
 
+def test_high_points_are_lighter_than_the_ground_and_hide_it() -> None:
+    points = np.array([(40, 30, 5), (40, 30, 0), (20, -30, 0)], np.float32)
+    picture = panels.heights_picture(points, 100, 50.0).astype(int)
+    high, low = picture[10:12, 20:22].reshape(-1, 3).max(axis=0), picture[30:32, 80:82].reshape(-1, 3).max(axis=0)
+    assert (high > low + 40).all() and (low > picture[60, 20]).all()
+
+
 def test_radar_detections_are_rotated_by_their_pose_and_colored_by_doppler() -> None:
     rows = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("doppler_velocity", "<f4")])
     front, back = np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])

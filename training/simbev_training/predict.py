@@ -10,7 +10,7 @@ from simbev_ros.baselines.inference import Baseline
 from simbev_ros.baselines.tracked_predictions import track_predictions
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
-from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_training.cache.reader import CachedScene
 
@@ -60,18 +60,22 @@ def predict(
     write_predictions(out / "boxes.parquet", answers(), tracks=tracks)
 
 
+def metric_boxes(rows: Table, frame: Int64Array | int) -> Boxes:
+    """Boxes (N,) ``baselines.boxes.BOX_DTYPE`` of frames as metrics take them."""
+    columns = {name: rows[name].astype(np.float64) for name in rows.dtype.names if name != "class"}
+    return Boxes(
+        frame=np.broadcast_to(np.int64(frame), len(rows)),
+        label=rows["class"],
+        center_m=np.stack([columns[name] for name in ("x", "y", "z")], 1),
+        size_m=np.stack([columns[name] for name in ("length", "width", "height")], 1),
+        yaw_rad=columns["yaw"],
+        velocity_mps=np.stack([columns["vx"], columns["vy"], np.zeros(len(rows))], 1),
+        attribute=np.full(len(rows), NO_ATTRIBUTE, np.uint8),
+    )
+
+
 def _predictions(tables: Sequence[tuple[int, Table, Float64Array]]) -> Predictions:
     placed = [boxes_in_map(boxes, pose) for _, boxes, pose in tables]
     rows = np.concatenate(placed)
     frame = np.repeat([tick for tick, _, _ in tables], [len(each) for each in placed]).astype(np.int64)
-    velocity = np.stack([rows["vx"], rows["vy"], np.zeros(len(rows))], 1).astype(np.float64)
-    boxes = Boxes(
-        frame=frame,
-        label=rows["class"],
-        center_m=np.stack([rows["x"], rows["y"], rows["z"]], 1),
-        size_m=np.stack([rows["length"], rows["width"], rows["height"]], 1).astype(np.float64),
-        yaw_rad=rows["yaw"].astype(np.float64),
-        velocity_mps=velocity,
-        attribute=np.full(len(rows), NO_ATTRIBUTE, np.uint8),
-    )
-    return Predictions(boxes, rows["score"].astype(np.float64))
+    return Predictions(metric_boxes(rows, frame), rows["score"].astype(np.float64))

@@ -11,6 +11,7 @@ import numpy as np
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.drawing.box_lines import Lines, box_outlines, front_faces, wireframes
+from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, Float64Array, Int32Array, Table, UInt8Array
@@ -80,14 +81,14 @@ def draw_camera_labels(
         picture = tint_ground(picture, seen)
     if truth.boxes is not None:
         optical_from_map = inverse(truth.map_from_ego @ ego_from_optical)
-        draw_wireframes(picture, truth.boxes, camera, optical_from_map, sight.depth_m, line_px)
+        draw_wireframes(picture, truth.boxes, camera.model, optical_from_map, sight.depth_m, line_px)
     return picture
 
 
 def draw_wireframes(
     picture: UInt8Array,
     boxes: Table,
-    camera: Camera,
+    camera: PinholeCamera,
     optical_from_map: Float64Array,
     depth_m: Float32Array | None,
     line_px: float,
@@ -97,18 +98,18 @@ def draw_wireframes(
     Args:
         picture: (h, w, 3) uint8 RGB, changed in place.
         boxes: (N,) rows of /ego/boxes.
-        camera: The camera of the rig.
+        camera: Model of the camera.
         optical_from_map: (4, 4), at the picture's time.
         depth_m: (H, W) depth of the camera at that time; None: nothing is occluded.
         line_px: Width of the lines.
     """
-    lines = wireframes(boxes, camera.model, optical_from_map)
+    lines = wireframes(boxes, camera, optical_from_map)
     hidden = _hidden(lines, depth_m)
     in_sight = np.bincount(lines.row[~hidden], minlength=len(boxes)) > 0
     strength = _strengths(boxes) * in_sight
     classes = boxes["class"]
     factor = np.array(picture.shape[1::-1]) / [camera.width_px, camera.height_px]
-    faces, row = front_faces(boxes, camera.model, optical_from_map)
+    faces, row = front_faces(boxes, camera, optical_from_map)
     layer = picture.copy()
     for face, kind in zip(_fixed(faces, factor)[strength[row] > 0], classes[row[strength[row] > 0]], strict=True):
         cv2.fillConvexPoly(layer, face, _class_colors()[kind], cv2.LINE_AA, _FRACTION_BITS)

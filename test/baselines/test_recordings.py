@@ -10,7 +10,7 @@ from made_up_recording import CAR_M, HEIGHT_M, ground_cloud, write_nuscenes
 
 from simbev_ros.baselines.boxes import BOX_DTYPE
 from simbev_ros.baselines.recordings.clouds import read_cloud
-from simbev_ros.baselines.recordings.folder import folder_frames, read_poses
+from simbev_ros.baselines.recordings.folder import folder_frames, read_poses, read_sensors
 from simbev_ros.baselines.recordings.ground import ego_from_lidar_in_frame, ego_from_lidar_of
 from simbev_ros.baselines.recordings.kitti import kitti_frames
 from simbev_ros.baselines.recordings.model_inputs import BODY_M, ground_pose, view_frame
@@ -261,6 +261,13 @@ def test_wrong_descriptions_of_a_folder_are_refused(tmp_path: Path, sensors: str
     with pytest.raises(InputError) as caught:
         folder_frames(tmp_path / "a")
     assert message in str(caught.value)
+
+
+def test_the_example_on_the_page_is_valid(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/guide/on-real-data.md").read_text()
+    (tmp_path / "sensors.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
+    sensors = read_sensors(tmp_path / "sensors.yaml")
+    assert (sensors.lidar.columns, list(sensors.cameras)) == (5, ["front"])
 
 
 def test_boxes_move_with_their_velocity_and_heading() -> None:

@@ -421,3 +421,16 @@ def test_boxes_with_few_points_are_neither_learned_nor_wrong(tmp_path: Path) -> 
     assert few.small.heat.max() == few.large.heat.max() == 0
     assert torch.equal(few.small.open, enough.small.heat) and torch.equal(few.large.open, enough.large.heat)
     assert enough.small.weight.sum() == 1 and enough.small.open.max() == 0
+
+
+def test_cameras_are_missing_from_some_samples(tmp_path: Path) -> None:
+    plain = Augmentation(flip=False, rotation_deg=0, scale=0, pasting=0)
+    drawn = batches(tmp_path, Modality.FUSED, plain.model_copy(update={"missing_cameras": 0.5}), size=1)
+    seen = []
+    for step in range(30):
+        batch = drawn[step]
+        has_projection = batch.pixel_from_level[0].abs().amax((1, 2)) > 0
+        assert torch.equal(has_projection, batch.images[0].amax((1, 2, 3)) > 0)
+        assert torch.equal(has_projection, batch.depth_m[0].amax((1, 2)) > 0)
+        seen.append(int(has_projection.sum()))
+    assert 8 <= sum(count == 6 for count in seen) <= 22 and min(seen) <= 3

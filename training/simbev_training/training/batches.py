@@ -132,6 +132,8 @@ class CachedBatches(Dataset[Batch]):
             thinning = Thinning.draw(self._augmentation, rng)
             if self._donors and rng.random() < self._augmentation.pasting:
                 sample, images = self._with_pasted(sample, images, rng)
+            if self._augmentation.missing_cameras and rng.random() < self._augmentation.missing_cameras:
+                images = images.without(rng.random(len(images.rgb)) < 0.5)
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")

@@ -57,6 +57,12 @@ class Augmentation(Model):
     pasting: float = Field(
         0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others"
     )
+    missing_cameras: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="share of samples that lack cameras, half of them on average, as rigs with fewer do",
+    )
     zoom: float = Field(0.08, ge=0, lt=0.5, description="maximum zoom of an image: 0.08 is a factor of 0.92 to 1.08")
     image_rotation_deg: float = Field(3.0, ge=0, le=45, description="maximum rotation of an image, in both directions")
     brightness: float = Field(0.3, ge=0, lt=1, description="maximum change of an image's brightness and contrast")

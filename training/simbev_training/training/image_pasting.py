@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from simbev_ros.baselines.frames import IMAGE_STRIDE
-from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, Float64Array, Table, UInt8Array
 
 _MIN_DEPTH_M = 1.0
 _AROUND_M = 0.5
@@ -29,6 +29,15 @@ class Images(NamedTuple):
     rgb: UInt8Array
     depth_m: Float32Array
     pixel_from_level: Float32Array
+
+    def without(self, missing: BoolArray) -> "Images":
+        """The same without some of the K cameras: black images that see nothing, as the models get for missing ones."""
+        kept = ~missing[:, None, None]
+        return Images(
+            np.where(kept[..., None], self.rgb, np.uint8(0)),
+            np.where(kept, self.depth_m, np.float32(0.0)),
+            np.where(kept, self.pixel_from_level, np.float32(0.0)),
+        )
 
 
 def paste_images(images: Images, donor: Images, boxes: Table, steps_m: Float64Array) -> Images:

@@ -1,4 +1,4 @@
-"""Things that are no road users stand where nothing else is, and rays end at them."""
+"""Things that are not road users stand where nothing else is, and rays end at them."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Puts things that are no road users into a sample: posts, bushes, boxes and walls, as rays that meet them see them.
+"""Puts things that are not road users into a sample: posts, bushes, boxes and walls, as rays that meet them see them.
 
 Streets hold more of them than any simulation, and where nothing but people is narrow and upright, a network takes every
 post for one. A ray of the lidar that meets a thing ends there, so that things have as many points as any lidar would

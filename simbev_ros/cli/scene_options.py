@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-SHIPPED = "baselines, cooperative, demo, live, paper, road, stack"
+SHIPPED = "baselines, cooperative, demo, live, paper, road, stack, teams"
 """Names of the configurations that come with the package."""
 
 Config = Annotated[str, typer.Argument(help=f"Configuration file, or {SHIPPED}.", show_default=False)]

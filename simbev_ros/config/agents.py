@@ -20,7 +20,7 @@ from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.names import MAX_TOPIC_NAME_CHARS, TopicName
 from simbev_ros.config.odometry import Odometry
-from simbev_ros.config.places import Mast, Near, SpawnPose, SpawnPoses, poses_on
+from simbev_ros.config.places import Arrangements, DrawnArrangement, Mast, Near, SpawnPose, SpawnPoses, poses_on
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import MAX_HEIGHT_ON_VEHICLE_M, MAX_SENSOR_HEIGHT_M
 from simbev_ros.foundation.files.limits import MAX_AGENTS
@@ -96,10 +96,17 @@ class Agent(Ego):
         description="distance from another agent at which the agent starts; without `near` and `spawn` it starts "
         "within `traffic.spawn_radius_m` of the first agent",
     )
+    arrangement: DrawnArrangement | None = Field(
+        None,
+        exclude_if=lambda value: value is None,
+        description="how the `count` agents start; cluster: each at the distance `near` another agent; chain: each at "
+        "this distance from the first or the last vehicle of a chain along the road, which begins with that agent and "
+        "grows ahead and behind; a `choice` of both: drawn for each scene. `near` has its defaults then",
+    )
     mast: Mast | None = Field(
         None,
         description="makes the agent a roadside unit, which has no fields of vehicles: `blueprint`, `driver`, "
-        "`reckless_probability`, `spawn` and `near`; none: the agent is a vehicle",
+        "`reckless_probability`, `spawn`, `near` and `arrangement`; none: the agent is a vehicle",
     )
     carrier: int | None = Field(
         None,
@@ -143,6 +150,13 @@ class Agent(Ego):
     def _starts_in_one_way(self) -> Self:
         if self.spawn and self.near is not None:
             raise FieldError(["near"], "spawn and near are set; give one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _several_are_arranged(self) -> Self:
+        if self.arrangement is not None and (self.count is None or self.spawn):
+            reason = "spawn says where each agent starts" if self.spawn else "an entry without count is one agent"
+            raise FieldError(["arrangement"], f"leave it out; {reason}")
         return self
 
     @model_validator(mode="after")
@@ -221,6 +235,18 @@ class Agent(Ego):
         return (self.name,) if self.count is None else tuple(f"{self.name}_{k}" for k in range(1, count + 1))
 
     @property
+    def starts_near(self) -> Near | None:
+        """Distance of the agent's start from another one; None: anywhere within ``traffic.spawn_radius_m``."""
+        return Near() if self.near is None and self.arrangement is not None else self.near
+
+    @property
+    def may_chain(self) -> bool:
+        """Whether the agents can be a chain."""
+        return "chain" in (
+            self.arrangement.choice if isinstance(self.arrangement, Arrangements) else [self.arrangement]
+        )
+
+    @property
     def near_of_place(self) -> tuple[Keys, Near | None]:
         """The field that says how far from another agent this one starts or stands, and its value."""
         if self.mast is None:
@@ -228,7 +254,7 @@ class Agent(Ego):
         return ("mast", self.mast.drawn_place or "poses", "near"), self.mast.near
 
 
-_OF_VEHICLES = (*(name for name in Ego.model_fields if name != "v2x"), "near", "carrier")
+_OF_VEHICLES = (*(name for name in Ego.model_fields if name != "v2x"), "near", "arrangement", "carrier")
 """Fields of an agent that a roadside unit does not have."""
 
 
@@ -257,10 +283,12 @@ def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
         FieldError: A name is not unique or not allowed, ``near`` names no earlier agent, or there are too many agents.
     """
     keys_by_name: dict[str, Keys] = {rig.agent: ("rig", "agent")}
-    certain = [rig.agent]
+    certain, stations = [rig.agent], list[str]()
     for index, agent in enumerate(agents):
         keys = ("agents", index)
         near_keys, near = agent.near_of_place
+        if agent.may_chain and near is not None and near.agent in stations:
+            raise FieldError((*keys, *near_keys, "agent"), f"{near.agent} is a roadside unit; a chain needs a vehicle")
         if near is not None and near.agent not in (None, *certain):
             raise FieldError(
                 (*keys, *near_keys, "agent"),
@@ -271,6 +299,7 @@ def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
                 raise FieldError((*keys, "name"), f"two agents are called {name}; names must be unique")
             keys_by_name[name] = (*keys, "name")
         certain += agent.names(agent.min_count)
+        stations += agent.names(agent.max_count) if agent.mast is not None else ()
     if len(keys_by_name) > MAX_AGENTS:
         raise FieldError(["agents"], f"up to {len(keys_by_name)} agents in a scene; at most {MAX_AGENTS} are allowed")
     _require_free_names(keys_by_name, (rig, *(agent.rig for agent in agents)))

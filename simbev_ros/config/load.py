@@ -140,7 +140,7 @@ def _with_first_agent(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
     if "name" not in first:
         raise InputError(f"{origins.where(('agents', index, 'name'))}: is missing")
     name = first.pop("name")
-    for key in ("count", "near", "carrier"):
+    for key in ("count", "near", "arrangement", "carrier"):
         if first.pop(key, None) is not None:
             raise InputError(f"{origins.where(('agents', index, key))}: only agents after the first one can have it")
     sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation", "evaluation")} | {"ego": first}

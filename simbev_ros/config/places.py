@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal, Self, TypeVar
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from simbev_ros.config.base import Keys, Model
@@ -43,6 +44,27 @@ class Near(Model):
         40.0, description="horizontal distance between the two starts; it is drawn for each scene and agent"
     )
     tolerance_m: float = Field(20.0, gt=0, le=1000, description="permitted deviation from the distance")
+
+
+Arrangement = Literal["cluster", "chain"]
+"""How the agents of an entry stand: each near the same agent, or one behind another along the road."""
+
+
+class Arrangements(Model):
+    """Arrangements of which one is drawn."""
+
+    choice: Annotated[tuple[Arrangement, ...], Field(min_length=1)] = Field(description="equally likely arrangements")
+
+    def sample(self, rng: np.random.Generator) -> Arrangement:
+        """Draw an arrangement."""
+        return self.choice[int(rng.integers(len(self.choice)))]
+
+
+DrawnArrangement = Annotated[
+    Annotated[Arrangement, Tag("arrangement")] | Annotated[Arrangements, Tag("arrangements")],
+    Discriminator(lambda value: "arrangements" if isinstance(value, (dict, Arrangements)) else "arrangement"),
+]
+"""An arrangement, or several of which one is drawn for each scene."""
 
 
 class MastPose(Model):

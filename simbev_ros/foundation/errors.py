@@ -62,6 +62,10 @@ class LimitError(InputError, ValueError):
     """
 
 
+class RoomError(InputError):
+    """An agent of a scene finds no room where the configuration wants it. Exit code 2."""
+
+
 @contextmanager
 def foreign_content(source: object) -> Iterator[None]:
     """Turn whatever a reader raises over foreign content into one line that names where it comes from.

@@ -47,7 +47,7 @@ def test_bad_configuration(refused: Callable[..., str], tmp_path: Path, text: st
 
 
 def test_missing_file(refused: Callable[..., str]) -> None:
-    shipped = "baselines, cooperative, demo, live, paper, road, stack"
+    shipped = "baselines, cooperative, demo, live, paper, road, stack, teams"
     assert (
         refused("run", "nowhere.yaml") == f"error: nowhere.yaml: no such file; shipped configurations are {shipped}\n"
     )

@@ -11,7 +11,7 @@ from simbev_ros.config.agents import RESERVED_NAMES
 from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.load import load_scenario, parse_scenario
-from simbev_ros.config.places import SpawnPose
+from simbev_ros.config.places import Near, SpawnPose
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_AGENTS
@@ -94,6 +94,18 @@ def test_a_dump_reads_back_as_itself() -> None:
     )
     assert parse_scenario(scenario.as_yaml(), "dump") == scenario
     assert Scenario.model_validate(scenario.model_dump()) == scenario
+
+
+@pytest.mark.parametrize("arrangement", ["cluster", "chain", "{choice: [chain]}", "{choice: [cluster, chain]}"])
+def test_arrangements_read_back_as_themselves_and_have_a_distance(arrangement: str) -> None:
+    scenario = parse_scenario(entry(f"name: car, count: 3, arrangement: {arrangement}"), "x")
+    (cars,) = scenario.agents
+    assert (cars.near, cars.starts_near, cars.may_chain) == (None, Near(), arrangement != "cluster")
+    assert parse_scenario(scenario.as_yaml(), "dump") == scenario
+
+
+def test_a_configuration_without_arrangement_is_dumped_without_it() -> None:
+    assert "arrangement" not in parse_scenario(entry("name: car, count: 3"), "x").as_yaml()
 
 
 def test_start_poses_by_map_read_back_as_themselves() -> None:
@@ -200,6 +212,31 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
             f"{entry('name: car, count: {integer: [1, 3]}')}\n  - {{name: van, {RIG}, near: {{agent: car_2}}}}",
             r"x.yaml:5: agents\[2\].near.agent: no agent 'car_2' is listed .* in every scene; allowed: ego, car_1$",
         ),
+        (
+            entry("name: car, arrangement: chain"),
+            r"x.yaml:4: agents\[1\].arrangement: leave it out; an entry without count is one agent",
+        ),
+        (
+            entry("name: car, count: 1, arrangement: chain, spawn: [{x_m: 1, y_m: 2}]"),
+            r"x.yaml:4: agents\[1\].arrangement: leave it out; spawn says where each agent starts",
+        ),
+        (
+            entry("name: car, count: 2, arrangement: line"),
+            r"x.yaml:4: agents\[1\].arrangement: 'line' is not known; allowed: 'cluster' or 'chain'",
+        ),
+        (
+            entry("name: car, count: 2, arrangement: {choice: [line]}"),
+            r"x.yaml:4: agents\[1\].arrangement.choice\[0\]: 'line' is not known; allowed: 'cluster' or 'chain'",
+        ),
+        (
+            entry("name: car").replace("name: ego", "name: ego, arrangement: chain"),
+            r"x.yaml:3: agents\[0\].arrangement: only agents after",
+        ),
+        (
+            f"{mast('mast: {above_road: {}}')}\n"
+            f"  - {{name: car, {RIG}, count: 2, arrangement: {{choice: [chain]}}, near: {{agent: rsu}}}}",
+            r"x.yaml:5: agents\[2\].near.agent: rsu is a roadside unit; a chain needs a vehicle",
+        ),
         (entry("name: car, near: {distance_m: 2}"), r"x.yaml:4: agents\[1\].near.distance_m: is 2, but 5 to 1000"),
         (entry("name: car, near: {tolerance_m: 0}"), r"x.yaml:4: agents\[1\].near.tolerance_m: .* 0, not 0"),
         (
@@ -273,7 +310,7 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
             )
             for field in (
                 *("blueprint: vehicle.van", "driver: traffic", "reckless_probability: 0.1"),
-                *("near: {}", "spawn: [{x_m: 1, y_m: 2}]"),
+                *("near: {}", "spawn: [{x_m: 1, y_m: 2}]", "arrangement: chain, count: 2"),
             )
         ),
         (

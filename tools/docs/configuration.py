@@ -50,8 +50,8 @@ _SHARED = ("type", *Sensor.model_fields)
 _INTRODUCTION = """# Configuration
 
 One YAML file describes what is generated: scenes, rig, traffic, weather, labels and recording. Commands take its path,
-or the name of a shipped file: `baselines`, `cooperative`, `demo`, `live`, `paper` or `stack`. Unknown keys and values
-out of range are refused; the message names the file, the line, the field and the allowed values.
+or the name of a shipped file: `baselines`, `cooperative`, `demo`, `live`, `paper`, `stack` or `teams`. Unknown keys and
+values out of range are refused; the message names the file, the line, the field and the allowed values.
 
 Units are part of the names (`_m`, `_deg`, `_hz`, …). A field without a default is required. `null` stands for *none*.
 Defaults follow the SimBEV paper; the shipped `config/paper.yaml` spells them out.

@@ -71,8 +71,8 @@ def draw_scene(
     starts = start_positions(scenario, network) if starts is None else starts
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
-    clearance = StartClearance(network)
-    agents = draw_agents(scenario, seed, network, starts, duration_s, clearance)
+    agents = draw_agents(scenario, seed, network, starts, duration_s)
+    clearance = StartClearance(network, agents.vehicles)
     weather, final_weather = draw_weathers(
         scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
     )

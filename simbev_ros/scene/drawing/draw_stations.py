@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from simbev_ros.config.places import JunctionPlace, Mast, MastPose, Near, RoadPlace, poses_on
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, RoomError
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.network import RoadNetwork
@@ -51,7 +51,8 @@ class StationDrawer:
             siblings: Stations of the same entry; their poses are not drawn again.
 
         Raises:
-            InputError: A pose is outside the map or on a driving lane, or there is no free place.
+            InputError: A pose is outside the map or on a driving lane.
+            RoomError: There is no free place.
         """
         purpose = f"agents.{name}"
         if mast.junction is not None:
@@ -102,7 +103,7 @@ class StationDrawer:
                 foot_m = feet_m[int(stream(self.seed, f"{purpose}.foot").integers(len(feet_m)))]
                 return _station(foot_m, float(np.arctan2(*(centers_m[index] - foot_m)[1::-1])))
         kind = {None: "a", True: "a signalized", False: "an unsignalized"}[place.signalised]
-        raise InputError(f"{where()}: no free position next to {kind} junction {area} in map {self.network.name}")
+        raise RoomError(f"{where()}: no free position next to {kind} junction {area} in map {self.network.name}")
 
     def _draw_above_road(self, place: RoadPlace, purpose: str, where: Where) -> StationSpec:
         """Draw a point of a driving lane under the sky."""
@@ -113,7 +114,7 @@ class StationDrawer:
             if len(self._free(positions.position_m[[index]])):
                 point = positions.waypoint(index)
                 return _station(*self.network.pose_on_lane(point.lane, point.s_m))
-        raise InputError(f"{where()}: no free point above a driving lane {area} in map {self.network.name}")
+        raise RoomError(f"{where()}: no free point above a driving lane {area} in map {self.network.name}")
 
     def _is_near(self, positions_m: Float64Array, near: Near | None, purpose: str) -> tuple[BoolArray, str]:
         """``nearness.is_near`` for one of the agents."""

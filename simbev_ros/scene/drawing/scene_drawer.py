@@ -15,7 +15,8 @@ from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, Clothing, blueprint_named, load_blueprints
-from simbev_ros.scene.drawing.draw_agents import DrawnAgents, on_lanes_near
+from simbev_ros.scene.drawing.draw_agents import DrawnAgents
+from simbev_ros.scene.drawing.draw_carriers import on_lanes_near
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions

@@ -3,6 +3,8 @@
 This includes long vehicles, vehicles in bends and vehicles beside a lane that merges.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import shapely
 
@@ -18,9 +20,11 @@ _MIN_GAP_M = 0.3
 class StartClearance:
     """The ground that a scene's vehicles occupy before anything moves."""
 
-    def __init__(self, network: RoadNetwork) -> None:
+    def __init__(self, network: RoadNetwork, vehicles: Iterable[VehicleSpec] = ()) -> None:
         self._network = network
         self._bodies: list[AnyArray] = []
+        for vehicle in vehicles:
+            self.occupy(vehicle)
 
     def occupy(self, vehicle: VehicleSpec) -> None:
         """Occupy the ground of a vehicle at its start."""

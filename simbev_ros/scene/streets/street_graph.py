@@ -348,6 +348,17 @@ class StreetGraph:
             path.append(int(previous[path[-1]]))
         return tuple(streets.edges[each] for each in reversed(path))
 
+    def distances_m(self, edge: str, *, ahead: bool) -> Float64Array:
+        """(E,) length of the shortest path from the start of an edge to that of each edge or, if not ahead, back.
+
+        Junctions have no length. Infinite where there is no path.
+        """
+        before, after = self._after_edge.nonzero()
+        pairs = (before, after) if ahead else (after, before)
+        lengths_m = csr_array((self._streets.edge_length_m[before], pairs), self._after_edge.shape)
+        distance_m: Float64Array = dijkstra(lengths_m, indices=self._streets.edge_number[edge])
+        return distance_m
+
     def first_lane(self, edge: str) -> str:
         """Id of the first lane of an edge that the class may use."""
         on_edge = self._streets.edge == self._streets.edge_number[edge]

@@ -6,11 +6,13 @@ from typing import Any
 
 import cooperative_scene
 import evaluated_dataset as made
+import numpy as np
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
+from simbev_ros.dataset import open_dataset
 from simbev_ros.evaluation.predictions.dataset_predictions import write_grid, write_predictions
 from simbev_ros.foundation.errors import InputError
 
@@ -85,6 +87,21 @@ def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, 
     assert not [key for key in figures["detection"] if key.startswith("by_")]
 
 
+def test_rings_of_distance_have_the_limits_that_are_given(dataset: Path, predictions: Path, tmp_path: Path) -> None:
+    counts = {}
+    for by in ("distance:15,42.5,map", "map,distance"):
+        result = called(predictions, dataset, "--all", "--by", by, "--json", tmp_path / "figures.json")
+        assert result.exit_code == 0, result.output
+        figures = json.loads((tmp_path / "figures.json").read_text())["detection"]
+        counts[by] = {name: row["boxes"] for name, row in figures["by_distance"].items()}
+        assert sum(counts[by].values()) == figures["boxes"] and figures["by_map"]
+    own, usual = counts.values()
+    assert list(own) == ["0 to 15 m", "15 to 42.5 m", "42.5 m and more"]
+    assert list(usual) == ["0 to 20 m", "20 to 40 m", "40 to 60 m", "60 m and more"]
+    distances_m = np.concatenate([frame["boxes"]["distance"] for frame in open_dataset(dataset).frames()])
+    assert list(own.values()) == np.histogram(distances_m, [0, 15, 42.5, np.inf])[0].tolist()
+
+
 def test_boxes_that_nothing_sees_and_other_classes_count_only_with_all(
     dataset: Path, predictions: Path, tmp_path: Path
 ) -> None:
@@ -112,6 +129,10 @@ def test_boxes_that_nothing_sees_and_other_classes_count_only_with_all(
         (("--range", "a:"), "--range: 'a' is not a number"),
         (("--by", "distance,,map"), "must be words with commas between"),
         (("--by", "colour"), "by: Input should be 'distance', "),
+        (("--by", "distance:40,20"), "by: 0, 40, 20: must rise, the first from 0 or more"),
+        (("--by", "distance:near"), "--by: 'near' is not a number"),
+        (("--by", "map,20"), "by: Input should be 'distance', "),
+        (("--by", "weather:20"), "by: Input should be 'distance', "),
         (("--scenes", "Blocks-0009"), "has no scene 'Blocks-0009', but Blocks-0000, Blocks-0001"),
         (("--split", "train"), "there is no scene of the split 'train'"),
         (("--json", "/nowhere/a.json"), "/nowhere/a.json: there is no folder /nowhere"),

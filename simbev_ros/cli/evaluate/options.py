@@ -9,7 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from simbev_ros.cli.agent_option import require_agent
-from simbev_ros.config.evaluation import Evaluation, answer_topics_of
+from simbev_ros.config.evaluation import RINGS_M, Evaluation, answer_topics_of
 from simbev_ros.config.evaluation_file import load_evaluation
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import PAPER_CLASSES
@@ -25,6 +25,7 @@ _OF_SECTION = {
     "min_points": "points",
     "classes": "classes",
     "by": "by",
+    "rings_m": "by",
 }
 """Options by the fields of the section that they replace."""
 _SHOWN_NAMES = 10
@@ -62,7 +63,8 @@ Everything = Annotated[
 By = Annotated[
     str | None,
     typer.Option(
-        help=f"Tables by distance, visibility, points, difficulty, daytime, weather, map, {_WORDS}; default: distance.",
+        help=f"Tables by distance, visibility, points, difficulty, daytime, weather, map, {_WORDS}; default: distance, "
+        f"in rings that begin at {', '.join(f'{start:g}' for start in RINGS_M)} m. distance:20,40 has its own limits.",
         metavar="NAMES",
     ),
 ]
@@ -97,7 +99,7 @@ def chosen_section(
         given["min_range_m"], given["range_m"] = _span("--range", distance)
     given["classes"] = _words("--classes", classes) if classes is not None else "all" if everything else None
     given["seen"] = False if everything else None
-    given["by"] = None if by is None else _words("--by", by) if by else ()
+    given["by"], given["rings_m"] = (None, None) if by is None else _groups(by) if by else ((), None)
     return _with_options(section, {name: value for name, value in given.items() if value is not None})
 
 
@@ -118,6 +120,21 @@ def _words(option: str, text: str) -> tuple[str, ...]:
     if not all(found):
         raise InputError(f"{option}: {text!r}: must be words with commas between")
     return found
+
+
+def _groups(text: str) -> tuple[tuple[str, ...], tuple[float, ...] | None]:
+    """Conditions of tables, and the starts of rings if ``distance:20,40`` gives the limits between them."""
+    names, rings_m = list[str](), list[float]()
+    for word in _words("--by", text):
+        name, colon, limit = word.partition(":")
+        if colon and name == "distance":
+            names.append(name)
+            rings_m = [0.0, _number("--by", limit)]
+        elif rings_m and names[-1] == "distance" and word[:1].isdigit():
+            rings_m.append(_number("--by", word))
+        else:
+            names.append(word)
+    return tuple(names), tuple(rings_m) or None
 
 
 def _span(option: str, text: str) -> tuple[float, float | None]:

@@ -2,23 +2,87 @@
 
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
-import cooperative_scene
+import cooperative_scene as made
+import numpy as np
+import pytest
 
-from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset import Scene, open_dataset
+from simbev_ros.evaluation.predictions.dataset_predictions import write_predictions
+from simbev_ros.reference_stack.pipeline import BOX_DTYPE
 
 EXAMPLE = Path(__file__).parents[2] / "examples/late_fusion.py"
 
 
-def test_fused_boxes_find_what_is_hidden_from_one_agent(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
     spec = spec_from_file_location("late_fusion", EXAMPLE)
     assert spec is not None and spec.loader is not None
-    example = module_from_spec(spec)
-    spec.loader.exec_module(example)
-    scenes = list(open_dataset(cooperative_scene.record(tmp_path / "cars")).scenes)
-    assert [*example.compare(scenes, tmp_path)] == [
-        f"{agent}: 40 boxes in the joint truth; found: alone 75.0%, fused 100.0%" for agent in ("ego", "car")
-    ]
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
+    return list(open_dataset(made.record(tmp_path_factory.mktemp("cars") / "cars")).scenes)
+
+
+def found(lines: list[str]) -> dict[str, str]:
+    """Words about each agent, without those about rings."""
+    return dict(line.split(": ", 1) for line in lines if not line.startswith(" "))
+
+
+def test_fused_boxes_find_what_is_hidden_from_one_agent(
+    example: ModuleType, scenes: list[Scene], tmp_path: Path
+) -> None:
+    lines = [*example.compare(scenes, tmp_path)]
+    words = "40 boxes in the joint truth; found: alone 75.0%, fused 100.0%"
+    assert found(lines) == {"ego": words, "car": words}
     assert sorted(path.name for path in tmp_path.glob("*.parquet")) == [
         f"{agent}-{kind}.parquet" for agent in ("car", "ego") for kind in ("alone", "fused")
     ]
+
+
+def test_a_table_by_distance_shows_in_which_ring_the_others_help(
+    example: ModuleType, scenes: list[Scene], tmp_path: Path
+) -> None:
+    lines = [*example.compare(scenes, tmp_path)]
+    of_ego = lines[1 : lines.index(next(line for line in lines if line.startswith("car")))]
+    rings = dict(line.strip().split(": mAP by distance: ") for line in of_ego)
+    # What the other car alone sees is 38.8 m away in the first frame, and 30.1 m in the last one.
+    assert rings["0 to 20 m"] == "alone 1.000, fused 1.000"
+    assert rings["20 to 40 m"].startswith("alone 0.") and rings["20 to 40 m"].endswith("fused 1.000")
+    assert list(rings)[:3] == ["all", "0 to 20 m", "20 to 40 m"]
+
+
+def test_predictions_are_fused_like_what_perfect_detectors_find(
+    example: ModuleType, scenes: list[Scene], tmp_path: Path
+) -> None:
+    for folder in ("found", "perfect", "predicted", "alone"):
+        (tmp_path / folder).mkdir()
+    for agent in ("ego", "car"):
+        answers = made.as_answers({tick: made.seen(agent, tick) for tick in range(made.TICKS)})
+        write_predictions(tmp_path / "found" / f"{agent}.parquet", [(made.NAME, answers)])
+    detect = example.PredictedBoxes(tmp_path / "found", [made.NAME])
+    perfect = [*example.compare(scenes, tmp_path / "perfect")]
+    assert [*example.compare(scenes, tmp_path / "predicted", detect)] == perfect
+    (tmp_path / "found" / "car.parquet").unlink()
+    alone = [*example.compare(scenes, tmp_path / "alone", example.PredictedBoxes(tmp_path / "found", [made.NAME]))]
+    assert found(alone)["ego"].endswith("alone 75.0%, fused 75.0%")
+    assert found(alone)["car"].endswith("alone 0.0%, fused 50.0%")  # nothing has found the ego
+
+
+def test_boxes_of_a_message_move_with_their_velocity_until_it_arrives(example: ModuleType) -> None:
+    sent = np.zeros(1, BOX_DTYPE)
+    sent["x"], sent["vx"], sent["vy"], sent["score"] = 30.0, 10.0, -2.0, 0.8
+    own = sent.copy()
+    own["x"], own["score"] = -20.0, 0.5
+    sent["length"] = sent["width"] = sent["height"] = own["length"] = own["width"] = own["height"] = 2.0
+    now = SimpleNamespace(
+        stamp_ns=700_000_000, map_from_ego=np.eye(4), received={"car": SimpleNamespace(stamp_ns=200_000_000)}
+    )
+    boxes = example.found_with_messages(now, lambda frame: own if frame is now else sent)
+    assert boxes["x"].tolist() == [35.0, -20.0] and boxes["y"].tolist() == [-1.0, 0.0]
+    assert sent["x"] == 30.0

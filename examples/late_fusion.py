@@ -9,9 +9,9 @@ stack has found: a file or folder for each agent, of its name, such as ``found/c
 datasets/teams --agent car_1 --out found/car_1``. An agent without predictions finds nothing.
 
 The answers of all agents are merged: ``fused`` at the same instant, and ``received``, in scenes with messages, as they
-arrive, after the latency, within range and without those that are lost. Boxes move with their velocities meanwhile;
-the senders know where they are. All are judged by the joint truth, in rings of distance from the agent: all road users
-around the agent that any agent hits.
+arrive, after the latency, within range and without those that are lost. Their boxes have the error of the pose that the
+sender has sent, and move with their velocities until they arrive. All are judged by the joint truth, in rings of
+distance from the agent: all road users around the agent that any agent hits.
 
 The answers are written as files of boxes, ``<agent>-alone.parquet``, ``<agent>-fused.parquet`` and
 ``<agent>-received.parquet``, of which ``simbev evaluate <file> <dataset> --agent <agent> --truth joint --points 1``
@@ -36,9 +36,11 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import boxes_in_map, open_predictions, write_predictions
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.slices import TableSlice, table_slices
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.reference_stack.fusion import fuse_boxes
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
+from simbev_ros.schema.v2x import OWN_POSE
 
 ROAD_USERS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 RINGS_M = (0.0, 20.0, 40.0)
@@ -93,6 +95,20 @@ class PredictedBoxes:
         return boxes
 
 
+def as_sent(boxes: Table, frame: Frame) -> Table:
+    """Boxes with the error of the pose that a frame's agent has sent."""
+    message = frame[f"v2x/{frame.scene.agent}"]
+    pose = message[message["id"] == OWN_POSE][0]
+    xyz, rpy = (np.array([pose[name] for name in names], np.float64) for names in ("xyz", ("roll", "pitch", "yaw")))
+    map_from_true = matrices_from_xyz_rpy(xyz, rpy) @ np.linalg.inv(frame.map_from_ego)
+    result, turn = boxes.copy(), map_from_true[:2, :2]
+    centers_m = np.stack([boxes[name] for name in "xyz"], axis=1) @ map_from_true[:3, :3].T + map_from_true[:3, 3]
+    result["x"], result["y"], result["z"] = centers_m.T
+    result["vx"], result["vy"] = turn @ np.stack([boxes["vx"], boxes["vy"]])
+    result["yaw"] += np.arctan2(turn[1, 0], turn[0, 0])
+    return result
+
+
 def moved(boxes: Table, age_s: float) -> Table:
     """Boxes after they have moved with their velocities for some time."""
     result = boxes.copy()
@@ -113,7 +129,9 @@ def found_together(frame: Frame, detect: Detector) -> Table:
 
 def found_with_messages(frame: Frame, detect: Detector) -> Table:
     """What the agent finds, merged with what the others had found when they sent what has arrived."""
-    received = [moved(detect(each), 1e-9 * (frame.stamp_ns - each.stamp_ns)) for each in frame.received.values()]
+    received = [
+        moved(as_sent(detect(each), each), 1e-9 * (frame.stamp_ns - each.stamp_ns)) for each in frame.received.values()
+    ]
     return fuse_boxes([detect(frame), *received], frame.map_from_ego)
 
 

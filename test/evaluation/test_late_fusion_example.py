@@ -3,6 +3,7 @@
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import cooperative_scene as made
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.evaluation.predictions.dataset_predictions import write_predictions
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
+from simbev_ros.schema.v2x import V2X_DTYPE
 
 EXAMPLE = Path(__file__).parents[2] / "examples/late_fusion.py"
 
@@ -74,15 +76,39 @@ def test_predictions_are_fused_like_what_perfect_detectors_find(
     assert found(alone)["car"].endswith("alone 0.0%, fused 50.0%")  # nothing has found the ego
 
 
-def test_boxes_of_a_message_move_with_their_velocity_until_it_arrives(example: ModuleType) -> None:
-    sent = np.zeros(1, BOX_DTYPE)
-    sent["x"], sent["vx"], sent["vy"], sent["score"] = 30.0, 10.0, -2.0, 0.8
-    own = sent.copy()
-    own["x"], own["score"] = -20.0, 0.5
-    sent["length"] = sent["width"] = sent["height"] = own["length"] = own["width"] = own["height"] = 2.0
-    now = SimpleNamespace(
-        stamp_ns=700_000_000, map_from_ego=np.eye(4), received={"car": SimpleNamespace(stamp_ns=200_000_000)}
-    )
+class Sender(dict[str, Any]):
+    """A frame of the agent ``car`` at (40, 0), which has sent another pose: x, y and heading."""
+
+    def __init__(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+        message = np.zeros(1, V2X_DTYPE)
+        message["x"], message["y"], message["yaw"] = x_m, y_m, yaw_rad
+        super().__init__({"v2x/car": message})
+        self.scene, self.stamp_ns = SimpleNamespace(agent="car"), 200_000_000
+        self.map_from_ego = np.eye(4)
+        self.map_from_ego[0, 3] = 40.0
+
+
+def found_box(x_m: float, y_m: float) -> np.ndarray:
+    box = np.zeros(1, BOX_DTYPE)
+    box["x"], box["y"], box["vx"], box["vy"], box["score"] = x_m, y_m, 10.0, -2.0, 0.8
+    box["length"] = box["width"] = box["height"] = 2.0
+    return box
+
+
+@pytest.mark.parametrize(
+    ("reported", "expected"),
+    [
+        ((40.0, 0.0, 0.0), (55.0, -1.0, 0.0)),  # the box moves on for half a second
+        ((41.0, 2.0, 0.0), (56.0, 1.0, 0.0)),  # and with the sender's position
+        ((40.0, 0.0, np.pi / 2), (41.0, 15.0, np.pi / 2)),  # and turns with its heading, its velocity, too
+    ],
+)
+def test_boxes_of_a_message_are_where_the_sender_believes_and_move_until_it_arrives(
+    example: ModuleType, reported: tuple[float, float, float], expected: tuple[float, float, float]
+) -> None:
+    own, sent, car = found_box(-20.0, 0.0), found_box(50.0, 0.0), Sender(*reported)
+    now = SimpleNamespace(stamp_ns=700_000_000, map_from_ego=np.eye(4), received={"car": car})
     boxes = example.found_with_messages(now, lambda frame: own if frame is now else sent)
-    assert boxes["x"].tolist() == [35.0, -20.0] and boxes["y"].tolist() == [-1.0, 0.0]
-    assert sent["x"] == 30.0
+    (arrived,) = boxes[boxes["x"] > 0]
+    assert [arrived[name] for name in ("x", "y", "yaw")] == pytest.approx(expected, abs=1e-5)
+    assert len(boxes) == 2 and sent["x"] == 50.0

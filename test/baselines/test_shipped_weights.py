@@ -2,7 +2,7 @@
 
 ``five_frames.npz.xz`` holds, for each frame: differences of successive points of its sweeps (cm, ego frame of their
 stamp), their numbers, poses of the ego, the JPEG images one behind the other with their sizes, projections, the grid,
-and the boxes; and once the ages of the sweeps. Its lidar has 64 rings, and its scenes are older than the weights of ``lidar``.
+and the boxes; and once the ages of the sweeps. Its lidar has 64 rings; ``lidar`` was trained on newer scenes.
 """
 
 import io

@@ -50,6 +50,9 @@ def _read_model(data: bytes) -> None:
         def get_inputs(self) -> list[Any]:
             return [SimpleNamespace(name="images", shape=shape)]
 
+        def get_outputs(self) -> list[Any]:
+            return []
+
     with mock.patch("simbev_ros.baselines.inference._session", return_value=Session()):
         baseline = Baseline(Path("a.onnx"))
     ages_ns = baseline.sweep_ages_ns

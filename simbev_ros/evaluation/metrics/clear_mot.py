@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from simbev_ros.evaluation.metrics.tracks import MATCH_DISTANCE_M, ClassTracks
+from simbev_ros.evaluation.metrics.tracks import MATCH_DISTANCE_M, ClassTracks, assigned
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 _MIN_RECALL, _RECALLS = 0.1, 40
@@ -182,6 +181,6 @@ def _nearest(pairs: list[int], objects: list[int], names: list[int], distance_m:
     cost, index = np.full((len(rows), len(columns)), _FORBIDDEN), np.zeros((len(rows), len(columns)), np.int64)
     at = [rows[name] for name in objects], [columns[name] for name in names]
     cost[at], index[at] = distance_m[pairs], pairs
-    row, column = linear_sum_assignment(cost)
+    row, column = assigned(cost)
     chosen: list[int] = index[row, column][cost[row, column] < _FORBIDDEN].tolist()
     return chosen

@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from simbev_ros.evaluation.metrics.clear_mot import frames_of
-from simbev_ros.evaluation.metrics.tracks import MATCH_DISTANCE_M, ClassTracks
+from simbev_ros.evaluation.metrics.tracks import MATCH_DISTANCE_M, ClassTracks, assigned
 from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array
 
 _SIMILARITIES = np.arange(0.05, 0.99, 0.05)
@@ -104,5 +103,5 @@ def _best(truth: Int64Array, box: Int64Array, value: Float64Array) -> AnyArray:
     columns, column = np.unique(box, return_inverse=True)
     table, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
     table[row, column], index[row, column] = value, np.arange(len(value))
-    best = index[linear_sum_assignment(table, maximize=True)]
+    best = index[assigned(table, maximize=True)]
     return best[best >= 0]

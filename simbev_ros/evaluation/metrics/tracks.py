@@ -152,6 +152,18 @@ def class_tracks(tracks: SceneTracks, label: int) -> ClassTracks:
     )
 
 
+def assigned(values: Float64Array, *, maximize: bool = False) -> tuple[Int64Array, Int64Array]:
+    """Rows and columns of a matrix, each at most once, with the least or the largest sum of values.
+
+    Raises:
+        ModuleNotFoundError: SciPy is not installed, which only tracks need.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    row, column = linear_sum_assignment(values, maximize=maximize)
+    return row, column
+
+
 def _require_distinct(boxes: Boxes) -> None:
     rows = np.stack([boxes.frame, boxes.label.astype(np.int64), boxes.track], axis=1)
     distinct, count = np.unique(rows, axis=0, return_counts=True)

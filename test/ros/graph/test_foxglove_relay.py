@@ -27,7 +27,7 @@ from simbev_ros.show.foxglove.derived import derivations
 pytestmark = pytest.mark.graph
 
 DURATION_S = 8
-GATE = "graph: {participants: [gate], window_ticks: 2}\n"
+GATE = "graph: {participants: [gate], window_ticks: 2, silence_timeout_s: 600}\n"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RECORDED = {
     *("/ego/lidar/points", "/ego/cam_front/rgb/image_raw/compressed", "/tf", "/tf_static"),

@@ -11,13 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table
 from simbev_ros.reference_stack.kalman import correct, predict
 
-NO_TRACK = -1
-"""Id of a box that belongs to no track."""
 _SIGMA_M, _SIGMA_MPS = 0.3, 1.5
 """Standard deviations of detected positions and velocities, along each axis."""
 _MAX_SIGMA_M = 2.0

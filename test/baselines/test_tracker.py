@@ -8,8 +8,8 @@ from made_up_boxes import some_boxes
 
 from simbev_ros.baselines.boxes import BOX_DTYPE, DETECTED_CLASSES
 from simbev_ros.baselines.tracked_predictions import track_predictions
-from simbev_ros.baselines.tracker import NO_TRACK, Tracker, _settings
-from simbev_ros.evaluation.metrics.boxes import Predictions
+from simbev_ros.baselines.tracker import Tracker, _settings
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK, Predictions
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import Table
 

@@ -13,7 +13,8 @@ from simbev_ros.baselines.inference import Baseline
 from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projections
 from simbev_ros.baselines.node.sweeps import Sweep
-from simbev_ros.baselines.tracker import NO_TRACK, Tracker
+from simbev_ros.baselines.tracker import Tracker
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.types import Float32Array, Float64Array, Table, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S

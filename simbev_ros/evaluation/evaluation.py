@@ -51,7 +51,7 @@ class Evaluation:
         grid_classes: The classes of ``BEV_CLASSES`` for which at least one grid has scores; metrics omit the others.
         nuscenes: The nuScenes metrics, or None if they were not requested.
         left_out: Numbers of boxes that do not count.
-        tracking: The tracking metrics, or None if no prediction has a track.
+        trackings: Tracking metrics by table slice that includes tracks; empty if no prediction has a track.
     """
 
     options: EvaluationOptions
@@ -64,7 +64,7 @@ class Evaluation:
     grid_classes: tuple[str, ...]
     nuscenes: NuscenesResult | None
     left_out: LeftOut
-    tracking: TrackingResult | None
+    trackings: Mapping[TableSlice, TrackingResult]
 
     @property
     def frame_count(self) -> int:
@@ -120,6 +120,7 @@ def evaluation_from_tallies(tallies: Sequence[SceneTally], options: EvaluationOp
         for table_slice in options.slices
         if table_slice.includes_cells and classes
     }
+    has_tracks = any(len(each.tracks[options.slices[0]].predictions) for each in tallies)
     nuscenes = [each.nuscenes for each in tallies if each.nuscenes is not None]
     return Evaluation(
         options=options,
@@ -134,7 +135,11 @@ def evaluation_from_tallies(tallies: Sequence[SceneTally], options: EvaluationOp
         grid_classes=tuple(name for name in BEV_CLASSES if name in classes),
         nuscenes=nuscenes_result(nuscenes_merge(nuscenes)) if nuscenes else None,
         left_out=reduce(LeftOut.plus, (each.left_out for each in tallies)),
-        tracking=tracking_result([each.tracks for each in tallies]),
+        trackings={
+            table_slice: tracking_result([each.tracks[table_slice] for each in tallies])
+            for table_slice in options.slices
+            if table_slice.includes_tracks and has_tracks
+        },
     )
 
 

@@ -23,7 +23,7 @@ METHODS: tuple[Method, ...] = ("iou", "distance")
 
 
 def figures_of(evaluation: Evaluation) -> dict[str, Any]:
-    """Convert an evaluation to plain values: frame counts, detection and segmentation by slice, tracking, nuScenes."""
+    """Convert an evaluation to plain values: frame counts, detection, segmentation and tracking by slice, nuScenes."""
     frames = {"evaluated": evaluation.frame_count, "scenes": len(evaluation.frames)}
     for kind in ("boxes", "grids"):
         frames[f"answered_{kind}"] = sum(getattr(evaluation, f"answered_{kind}").values())
@@ -39,8 +39,10 @@ def figures_of(evaluation: Evaluation) -> dict[str, Any]:
             table_slice: segmentation_figures(each, chosen) for table_slice, each in evaluation.segmentations.items()
         }
         figures["segmentation"] = _by_slice(cells)
-    if evaluation.tracking is not None:
-        figures["tracking"] = _tracking(evaluation.tracking)
+    if evaluation.trackings:
+        figures["tracking"] = _by_slice(
+            {table_slice: _tracking(each) for table_slice, each in evaluation.trackings.items()}
+        )
     if evaluation.nuscenes is not None:
         figures["nuscenes"] = _nuscenes(evaluation.nuscenes)
     return figures

@@ -132,13 +132,17 @@ class SceneBoxes:
         """Tally of the scene for one row of a table."""
         return self._matching.tally(self._counting(table_slice))
 
-    def tracks(self) -> SceneTracks:
-        """Tracked boxes of the first table slice.
+    def tracks(self) -> dict[TableSlice, SceneTracks]:
+        """Tracked boxes by table slice that includes tracks.
 
         Raises:
             InputError: Two predictions of a frame and class have the same track.
         """
-        return scene_tracks(self._matching.truth, self._predictions, self._counting(self._options.slices[0]))
+        return {
+            table_slice: scene_tracks(self._matching.truth, self._predictions, self._counting(table_slice))
+            for table_slice in self._options.slices
+            if table_slice.includes_tracks
+        }
 
     def count_found(self) -> tuple[Int64Array, Int64Array]:
         """(F,) numbers of boxes that count, and (F,) numbers of those found by the top predictions."""

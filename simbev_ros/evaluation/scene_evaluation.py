@@ -53,7 +53,7 @@ class SceneTally:
         grid_classes: Classes for which at least one grid has scores.
         nuscenes: Counts of the nuScenes metrics, or None if they were not requested.
         left_out: Numbers of boxes that do not count.
-        tracks: Tracked boxes of the first table slice.
+        tracks: Tracked boxes by table slice that includes tracks.
     """
 
     scene: str
@@ -63,7 +63,7 @@ class SceneTally:
     grid_classes: frozenset[str]
     nuscenes: NuscenesTally | None
     left_out: LeftOut
-    tracks: SceneTracks
+    tracks: Mapping[TableSlice, SceneTracks]
 
 
 def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationOptions, *, grids: bool) -> SceneTally:
@@ -109,7 +109,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     )
 
 
-def _tracks(scene: Scene, boxes: SceneBoxes) -> SceneTracks:
+def _tracks(scene: Scene, boxes: SceneBoxes) -> dict[TableSlice, SceneTracks]:
     try:
         return boxes.tracks()
     except InputError as error:

@@ -66,6 +66,11 @@ class TableSlice:
                 wrong = repr(unknown[0]) if unknown else "empty"
                 raise InputError(f"{field_name}: {wrong} is not allowed; allowed: {', '.join(known)}")
 
+    @property
+    def includes_tracks(self) -> bool:
+        """Whether the row also measures tracks: not where boxes of a track may be in several rows of the same frame."""
+        return self.group in ("", "daytime", "weather", "map")
+
     def has(self, conditions: Conditions) -> bool:
         """Whether a frame with these conditions counts."""
         is_on_map = not self.maps or conditions.map in self.maps

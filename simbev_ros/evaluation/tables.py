@@ -23,6 +23,8 @@ _TRACK_TABLES: Mapping[str, Sequence[str]] = {
     "tracks by HOTA": ("score", "HOTA", "DetA", "AssA", "AssPr", "AssRe"),
 }
 """Columns of the tables of tracking metrics, by title."""
+_TRACK_SCORES: Sequence[str] = ("AMOTA", "HOTA")
+"""Tracking metrics in the tables by condition."""
 ERROR_HEADS: Sequence[str] = [f"{name}{_UNITS.get(name, '')}" for name in ERRORS]
 """Headings of the errors of ``metrics.errors.ERRORS``, with their units."""
 
@@ -143,10 +145,13 @@ def segmentation_table(segmentation: Figures) -> FigureTable:
 
 def condition_table(condition: str, figures: Figures, *, with_empty: bool = False) -> FigureTable:
     """Table with a row per slice of a condition, such as ``weather``; empty slices only if ``with_empty``."""
-    boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
+    boxes, cells, tracks = (
+        figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation", "tracking")
+    )
     methods = measured_methods(boxes.values())
     scores = [(method, score) for method in methods for score in ("mAP", "SDS")]
     heads = ["boxes", *(f"{score}, {METHOD_NAMES[method]}" for method, score in scores)] if boxes else []
+    heads += [*_TRACK_SCORES] if tracks else []
     heads += ["frames", "mean IoU"] if cells else []
     rows = []
     for name in dict.fromkeys((*boxes, *cells)):
@@ -155,6 +160,7 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
             row = (
                 [_count_cell(values["boxes"]), *_share_cells(values[m][score] for m, score in scores)] if boxes else []
             )
+            row += _share_cells(tracks[name][score] for score in _TRACK_SCORES) if tracks else []
             row += (
                 [_count_cell(cell_values["frames"]), _share_cell(at_table_threshold(cell_values["mean_IoU_at"]))]
                 if cells

@@ -18,6 +18,7 @@ from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
 from simbev_ros.evaluation.slices import TableSlice, table_slices
+from simbev_ros.evaluation.tables import condition_table
 from simbev_ros.foundation.errors import InputError
 
 
@@ -157,7 +158,7 @@ def test_frames_are_judged_by_as_many_top_predictions_as_boxes(dataset: Path, tm
 
 
 def test_tracks_are_measured_where_boxes_have_ids(dataset: Path, tmp_path: Path) -> None:
-    assert run_evaluation(dataset, write_answers(tmp_path, made.as_predicted())).tracking is None
+    assert run_evaluation(dataset, write_answers(tmp_path, made.as_predicted())).trackings == {}
     path = tmp_path / "tracked.parquet"
     write_predictions(path, [(made.NAMES[0], made.as_predicted())], tracks=True)
     result = run_evaluation(dataset, path, EvaluationOptions(box_classes=("car",)))
@@ -167,6 +168,33 @@ def test_tracks_are_measured_where_boxes_have_ids(dataset: Path, tmp_path: Path)
     assert found["recall"] == pytest.approx(0.5)  # the other scene has no predictions
     assert (found["MOTP"], found["IDS"], found["FRAG"], found["AssA"]) == (0, 0, 0, pytest.approx(1))
     assert found["boxes"] == result.detections[TableSlice()].truths.sum()
+
+
+def test_tracks_are_measured_by_conditions_of_frames(dataset: Path, tmp_path: Path) -> None:
+    """The near car of the second scene has a new track in each of its 4 frames at night, where it rains."""
+    own = made.truth()
+    is_lost = (own.frame >= 6) & (own.track == 5)
+    lost = made.as_predicted(track=np.where(is_lost, 100 + own.frame, own.track))
+    path = tmp_path / "tracked.parquet"
+    write_predictions(path, list(zip(made.NAMES, (made.as_predicted(), lost), strict=True)), tracks=True)
+    base = TableSlice(maps=("Blocks", "Elsewhere"))
+    slices = table_slices(base, ("distance", "daytime", "weather", "map"))
+    figures = figures_of(run_evaluation(dataset, path, EvaluationOptions(tuple(slices), box_classes=("car",))))
+    tracking = figures["tracking"]
+    assert "by_distance" not in tracking and tracking["IDS"] == 4
+    day, twilight, night = tracking["by_daytime"].values()
+    assert [(each["IDS"], each["AMOTA"], each["HOTA"]) for each in (day, twilight)] == [(0, 1, pytest.approx(1))] * 2
+    # Of 8 boxes, 3 have another track than the frame before; 4 share their track's only box with 3 others.
+    assert (night["IDS"], night["MOTA"]) == (3, pytest.approx(5 / 8))
+    assert night["HOTA"] == pytest.approx(((4 * 1 + 4 / 4) / 8) ** 0.5)
+    assert tracking["by_map"]["Blocks"]["classes"] == tracking["classes"]
+    assert tracking["by_map"]["Elsewhere"]["AMOTA"] is None
+    by_daytime = condition_table("daytime", figures)
+    assert [*by_daytime.heads[-2:]] == ["AMOTA", "HOTA"]
+    assert [[cell.value for cell in row[-2:]] for row in by_daytime.rows] == [
+        [each["AMOTA"], each["HOTA"]] for each in (day, twilight, night)
+    ]
+    assert "AMOTA" not in condition_table("distance", figures).heads
 
 
 def test_two_files_with_the_same_ids_are_refused(dataset: Path, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from simbev_ros.foundation.errors import InputError
 TICKS = 80
 """More than the size of a matching batch."""
 FRAME = "ego/cam_front"
-OPTIONS = EvaluationOptions(slices=tuple(table_slices(TableSlice(), ("distance", "points"))))
+OPTIONS = EvaluationOptions(slices=tuple(table_slices(TableSlice(), ("distance", "points", "weather"))))
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,8 @@ def evaluate(
     table covers a part of the data: a false positive counts in every row that its distance and frame belong to, and in
     none beyond the range within which boxes are labeled.
 
-    If boxes have ids of tracks, there are also tracking metrics: AMOTA, AMOTP, MOTA, MOTP, IDS, FRAG, and HOTA.
+    If boxes have ids of tracks, there are also tracking metrics: AMOTA, AMOTP, MOTA, MOTP, IDS, FRAG, and HOTA, also in
+    the tables by daytime, weather and map.
 
     [bold]Examples[/]
 

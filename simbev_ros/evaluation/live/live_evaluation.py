@@ -76,7 +76,7 @@ class LiveEvaluation:
         self._cells = SceneGrids(view.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
         self._left_out = LeftOut(0, 0)
-        self._tracks: list[SceneTracks] = []
+        self._tracks: list[dict[TableSlice, SceneTracks]] = []
         self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
         self._latency_ms: list[float] = []
         self._iou: list[float] = []
@@ -143,7 +143,7 @@ class LiveEvaluation:
             frozenset(self._cells.classes),
             None,
             self._left_out,
-            join_tracks(self._tracks),
+            {each: join_tracks([part[each] for part in self._tracks]) for each in self._tracks[0]},
         )
         return LiveScene(tally, np.array(self._latency_ms), counts)
 

@@ -51,10 +51,8 @@ class TrackingResult:
         }
 
 
-def tracking_result(scenes: Sequence[SceneTracks]) -> TrackingResult | None:
-    """Metrics over all scenes; None if no prediction has a track."""
-    if not any(len(each.predictions) for each in scenes):
-        return None
+def tracking_result(scenes: Sequence[SceneTracks]) -> TrackingResult:
+    """Metrics over all scenes."""
     labels = np.unique(np.concatenate([each.truth["label"] for each in scenes])).tolist()
     return TrackingResult({BOX_CLASSES[label]: _class_tracking(scenes, label) for label in labels})
 

@@ -60,6 +60,10 @@ class Tracker:
         self._stamp_s = -np.inf
         self._next_id = 1
 
+    def end_tracks(self) -> None:
+        """End all tracks, as at the beginning of another scene."""
+        self._tracks = self._tracks[:0]
+
     def step(self, boxes: Table, stamp_s: float) -> TrackedBoxes:
         """Track the boxes of a frame.
 

@@ -29,7 +29,9 @@ def predict(
         Literal["train", "val", "test"] | None, typer.Option(help="Only scenes of this split; without it, test.")
     ] = None,
     every: Annotated[int, typer.Option(help="Only every Nth key frame of each scene, or frame.", min=1)] = 1,
-    track: Annotated[bool, typer.Option("--track", help="Track the boxes of a dataset: they get ids.")] = False,
+    track: Annotated[
+        bool, typer.Option("--track", help="Track the boxes of a dataset or of nuScenes: they get ids.")
+    ] = False,
     layout: Annotated[
         Literal["simbev", "kitti", "nuscenes", "folder"],
         typer.Option(
@@ -53,7 +55,8 @@ def predict(
     their predictions.
 
     For real sensors, boxes.csv has the boxes in the lidar's frame, and pictures show them. KITTI and nuScenes also get
-    results for their own evaluation. Where there are labels, the average precision is printed.
+    results for their own evaluation, nuScenes with --track also for that of tracks. Where there are labels, the average
+    precision is printed.
 
     [bold]Examples[/]
 
@@ -78,13 +81,15 @@ def predict(
     if layout == "simbev":
         _predict_dataset(baseline, dataset, out, split or "test", every, track, agent, cache, workers)
         return
-    given = dict(zip(_OF_DATASETS, (split, track or None, agent, cache, workers), strict=True))
+    given = dict(
+        zip(_OF_DATASETS, (split, (track and layout != "nuscenes") or None, agent, cache, workers), strict=True)
+    )
     wrong = next((name for name, value in given.items() if value is not None), None)
     if wrong is not None:
         raise InputError(f"is {given[wrong]!s:.80}; recordings with --format {layout} have none", parameter=wrong)
     from simbev_training.recordings.prediction import Wanted
 
-    wanted = Wanted(pictures, grids, min_score, points)
+    wanted = Wanted(pictures, grids, min_score, points, track)
     predict_real_frames(baseline, dataset, out, layout, version, every, wanted)
 
 

@@ -1,5 +1,6 @@
 """Predicts the frames of a recording of real sensors, and writes boxes, pictures and grids of each into a folder."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,17 +14,25 @@ from simbev_ros.baselines.recordings.kitti import CAMERA, kitti_frames
 from simbev_ros.baselines.recordings.model_inputs import FrameView, answer_view, view_frame
 from simbev_ros.baselines.recordings.nuscenes import nuscenes_frames
 from simbev_ros.baselines.recordings.recording import Labels, RecordedFrame, boxes_in_frame
+from simbev_ros.baselines.tracker import Tracker
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.recording.image_codecs import encode_rgb
 from simbev_training.recordings.pictures import draw_frame
-from simbev_training.recordings.results import TABLE_HEAD, kitti_lines, nuscenes_results, nuscenes_text, table_lines
+from simbev_training.recordings.results import (
+    TABLE_HEAD,
+    kitti_lines,
+    nuscenes_results,
+    nuscenes_text,
+    nuscenes_tracks,
+    table_lines,
+)
 from simbev_training.recordings.scores import FrameTallies, Score, frame_tallies, scores
 
 Layout = Literal["kitti", "nuscenes", "folder"]
-BOXES_FILE, NUSCENES_FILE = "boxes.csv", "results_nusc.json"
+BOXES_FILE, NUSCENES_FILE, TRACKS_FILE = "boxes.csv", "results_nusc.json", "tracking_nusc.json"
 _JPEG_QUALITY = 92
 
 
@@ -36,12 +45,14 @@ class Wanted:
         grids: Whether to write the scores of the grid.
         min_score: Score from which boxes are drawn.
         min_points: Number of points from which on a label counts.
+        tracks: Whether to write the tracks of nuScenes' layout.
     """
 
     pictures: bool
     grids: bool
     min_score: float
     min_points: int
+    tracks: bool = False
 
 
 def read_frames(layout: Layout, folder: Path, version: str) -> list[RecordedFrame]:
@@ -76,7 +87,8 @@ def predict_recording(
     """
     out.mkdir(parents=True, exist_ok=True)
     counted: list[FrameTallies] = []
-    results: dict[str, list[dict[str, Any]]] = {}
+    results: dict[str, dict[str, list[dict[str, Any]]]] = defaultdict(dict)
+    tracker = Tracker()
 
     def table() -> Iterator[bytes]:
         yield TABLE_HEAD.encode()
@@ -87,7 +99,11 @@ def predict_recording(
                 lines = kitti_lines(answer.boxes, view.photos[CAMERA])
                 write_whole(out / "data" / f"{frame.name}.txt", lines.encode())
             if layout == "nuscenes":
-                results[frame.name] = nuscenes_results(answer.boxes, frame, view)
+                results[NUSCENES_FILE][frame.name] = nuscenes_results(answer.boxes, frame, view)
+            if wanted.tracks:
+                if index and frame.sweeps is not frames[index - 1].sweeps:
+                    tracker.end_tracks()
+                results[TRACKS_FILE][frame.name] = nuscenes_tracks(answer.boxes, frame, view, tracker)
             if labels and (tallies := frame_tallies(answer.boxes, labels, view, wanted.min_points)):
                 counted.append(tallies)
             _write_extras(out, index, frame, view, answer, labels, wanted)
@@ -95,9 +111,9 @@ def predict_recording(
             report(1)
 
     write_whole(out / BOXES_FILE, table())
-    if results:
-        sees = {"has_cameras": baseline.modality.has_cameras, "has_lidar": baseline.modality.has_lidar}
-        write_whole(out / NUSCENES_FILE, nuscenes_text(results, **sees).encode())
+    sees = {"has_cameras": baseline.modality.has_cameras, "has_lidar": baseline.modality.has_lidar}
+    for file, content in results.items():
+        write_whole(out / file, nuscenes_text(content, **sees).encode())
     return scores(counted)
 
 

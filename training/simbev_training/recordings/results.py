@@ -1,4 +1,4 @@
-"""Writes boxes for other programs: one table, KITTI's results, and nuScenes' results of its detection task."""
+"""Writes boxes for other programs: one table, KITTI's results, and nuScenes' of its detection and tracking tasks."""
 
 import csv
 import io
@@ -9,9 +9,12 @@ import numpy as np
 
 from simbev_ros.baselines.recordings.model_inputs import FrameView, Photo
 from simbev_ros.baselines.recordings.recording import RecordedFrame, boxes_in_frame
+from simbev_ros.baselines.tracker import Tracker
+from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
 
 NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw", "vx", "vy", "score")
 TABLE_HEAD = f"frame,class,{','.join(NUMBERS)}\n"
@@ -68,21 +71,40 @@ def nuscenes_results(boxes: Table, frame: RecordedFrame, view: FrameView) -> lis
         frame: The frame, whose name is the token of its sample.
         view: What the frame shows.
     """
-    assert frame.sweep.map_from_lidar is not None
-    map_from_ego = frame.sweep.map_from_lidar @ inverse(view.ego_from_lidar)
-    moved = boxes_in_frame(boxes, map_from_ego)
     return [
         {
-            "sample_token": frame.name,
-            "translation": [float(row[axis]) for axis in ("x", "y", "z")],
-            "size": [float(row[side]) for side in ("width", "length", "height")],
-            "rotation": [float(np.cos(row["yaw"] / 2.0)), 0.0, 0.0, float(np.sin(row["yaw"] / 2.0))],
-            "velocity": [float(row["vx"]), float(row["vy"])],
+            **_nuscenes_box(row, frame),
             "detection_name": BOX_CLASSES[row["class"]],
             "detection_score": float(row["score"]),
             "attribute_name": _attribute(BOX_CLASSES[row["class"]], float(np.hypot(row["vx"], row["vy"]))),
         }
-        for row in moved
+        for row in _boxes_in_map(boxes, frame, view)
+    ]
+
+
+def nuscenes_tracks(boxes: Table, frame: RecordedFrame, view: FrameView, tracker: Tracker) -> list[dict[str, Any]]:
+    """Boxes of a key frame that have tracks, with velocities of these, as nuScenes' tracking evaluation takes them.
+
+    That allows 500 boxes in a frame, which models do not have.
+
+    Args:
+        boxes: (N,) ``baselines.boxes.BOX_DTYPE``, ego frame.
+        frame: The frame.
+        view: What the frame shows.
+        tracker: The tracker, which has seen the earlier frames of the scene.
+    """
+    rows = _boxes_in_map(boxes, frame, view)
+    tracked = tracker.step(rows, frame.sweep.stamp_ns / NS_PER_S)
+    rows["vx"], rows["vy"] = tracked.velocity_mps.T
+    return [
+        {
+            **_nuscenes_box(row, frame),
+            "tracking_id": str(track),
+            "tracking_name": BOX_CLASSES[row["class"]],
+            "tracking_score": float(row["score"]),
+        }
+        for row, track in zip(rows, tracked.id.tolist(), strict=True)
+        if track != NO_TRACK
     ]
 
 
@@ -91,6 +113,22 @@ def nuscenes_text(results: dict[str, list[dict[str, Any]]], *, has_cameras: bool
     used = {"use_camera": has_cameras, "use_lidar": has_lidar}
     meta = {**used, "use_radar": False, "use_map": False, "use_external": True}
     return json.dumps({"meta": meta, "results": results})
+
+
+def _boxes_in_map(boxes: Table, frame: RecordedFrame, view: FrameView) -> Table:
+    assert frame.sweep.map_from_lidar is not None
+    return boxes_in_frame(boxes, frame.sweep.map_from_lidar @ inverse(view.ego_from_lidar))
+
+
+def _nuscenes_box(row: Any, frame: RecordedFrame) -> dict[str, Any]:
+    """The fields that detections and tracks have in common."""
+    return {
+        "sample_token": frame.name,
+        "translation": [float(row[axis]) for axis in ("x", "y", "z")],
+        "size": [float(row[side]) for side in ("width", "length", "height")],
+        "rotation": [float(np.cos(row["yaw"] / 2.0)), 0.0, 0.0, float(np.sin(row["yaw"] / 2.0))],
+        "velocity": [float(row["vx"]), float(row["vy"])],
+    }
 
 
 def _attribute(name: str, speed_mps: float) -> str:

@@ -65,10 +65,10 @@ def test_ids_are_new_when_time_goes_back() -> None:
 
 def test_an_uncertain_box_gets_an_id_with_the_second_one_in_a_row() -> None:
     tracker = Tracker()
-    assert ids_of(tracker, 1.0, (0, 0, 0, CAR, 0.15)) == [NO_TRACK]
+    assert ids_of(tracker, 1.0, (0, 0, 0, CAR, 0.12)) == [NO_TRACK]
     assert ids_of(tracker, 1.1) == []
-    assert ids_of(tracker, 1.2, (0, 0, 0, CAR, 0.15)) == [NO_TRACK]
-    assert ids_of(tracker, 1.3, (0, 0, 0, CAR, 0.15)) == [2]
+    assert ids_of(tracker, 1.2, (0, 0, 0, CAR, 0.12)) == [NO_TRACK]
+    assert ids_of(tracker, 1.3, (0, 0, 0, CAR, 0.12)) == [2]
 
 
 def test_a_weak_box_continues_a_track_but_starts_none_and_gives_way_to_a_strong_one() -> None:

@@ -53,7 +53,8 @@ class TrackingResult:
 
 def tracking_result(scenes: Sequence[SceneTracks]) -> TrackingResult:
     """Metrics over all scenes."""
-    labels = np.unique(np.concatenate([each.truth["label"] for each in scenes])).tolist()
+    scenes = [each for each in scenes if len(each.truth) or len(each.predictions)]
+    labels = np.unique(np.concatenate([np.zeros(0, np.uint8), *(each.truth["label"] for each in scenes)])).tolist()
     return TrackingResult({BOX_CLASSES[label]: _class_tracking(scenes, label) for label in labels})
 
 

@@ -11,7 +11,7 @@ import pytest
 from made_up_scene import made_up_scene
 from waiting import PATIENCE_S, wait_until
 
-from simbev_ros.assets.regions import region_pool
+from simbev_ros.assets import build_pool
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.cli.main import main
 from simbev_ros.maps.source import map_spec
@@ -70,7 +70,7 @@ def test_a_fault_of_ours_is_said_with_what_it_happened_to(
         raise ValueError("a negative area")
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(region_pool, "usable_cores", lambda: 1)
+    monkeypatch.setattr(build_pool, "usable_cores", lambda: 1)
     monkeypatch.setattr(StaticCache, "region", fail)
     monkeypatch.setattr(sys, "argv", ["simbev", "map", str(streets)])
     with pytest.raises(SystemExit) as ended:

@@ -11,7 +11,7 @@ import cv2
 import pytest
 from waiting import PATIENCE_S
 
-from simbev_ros.assets.regions import region_pool
+from simbev_ros.assets import build_pool
 from simbev_ros.foundation.cache.entries import default_cache_dir
 
 STREETS = """<osm version="0.6">
@@ -56,7 +56,7 @@ def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Pa
 def test_bounds_choose_a_part_of_a_street_map(
     simbev: Callable[..., Any], streets: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(region_pool, "usable_cores", lambda: 1)  # the map above is built by processes of their own
+    monkeypatch.setattr(build_pool, "usable_cores", lambda: 1)  # the map above is built by processes of their own
     facts = json.loads(simbev("map", streets, "--bounds", "8.0005,49.9995,8.0015,50.0005", "--json").out)
     assert facts["bounds"] == [8.0005, 49.9995, 8.0015, 50.0005]
     assert facts["lane_km"]["driving"] == pytest.approx(2 * (0.0717 + 0.0556), abs=0.05)

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from analytic_maps import hilly_road
 
+from simbev_ros.assets import build_pool
 from simbev_ros.assets.actors import catalog
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.config.scenario import Scenario
@@ -13,6 +15,7 @@ from simbev_ros.production import ProductionObserver, surroundings
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.events import ProductionEvent, SurroundingsStarted
 from simbev_ros.production.surroundings import build_missing_regions, build_surroundings
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 SPEC = MapSpec(name="analytic", seed=0)
@@ -50,10 +53,24 @@ def test_actors_are_built_before_nodes_would_wait_for_one_another(
         (tmp_path / name).touch()
     loaded: list[str] = []
     monkeypatch.setattr(catalog, "_folder", lambda: tmp_path)
-    monkeypatch.setattr(catalog, "load_models", lambda: loaded.append("exact.npz"))
-    monkeypatch.setattr(catalog, "_all_coarser", lambda: loaded.append("coarser.npz"))
+    monkeypatch.setattr(catalog, "_exact", lambda mapped: loaded.append("exact.npz"))
+    monkeypatch.setattr(catalog, "_coarser", lambda mapped: loaded.append("coarser.npz"))
     catalog.build_models(coarser=coarser)
     assert loaded == [name for name in missing if coarser or name == "exact.npz"]
+
+
+def test_models_are_the_same_from_one_process_and_from_several(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blueprints = load_blueprints()[:3]
+    monkeypatch.setattr(catalog, "load_blueprints", lambda: blueprints)
+    for name, cores in (("one", 1), ("several", 2)):
+        monkeypatch.setattr(build_pool, "usable_cores", lambda cores=cores: cores)
+        monkeypatch.setattr(catalog, "_folder", lambda name=name: tmp_path / name)
+        catalog.build_models(coarser=True)
+    for file in ("exact.npz", "coarser.npz"):
+        one, several = (np.load(tmp_path / name / file) for name in ("one", "several"))
+        assert one.files == several.files
+        for array in one.files:
+            np.testing.assert_array_equal(one[array], several[array])
 
 
 @pytest.mark.parametrize(("sensors", "coarser"), [([{"type": "camera", "name": "front"}], True), ([], False)])

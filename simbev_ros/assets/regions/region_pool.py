@@ -1,24 +1,16 @@
 """Builds the regions that are missing in the cache, in parallel on all cores."""
 
-import gc
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
+from simbev_ros.assets.build_pool import build_in_processes
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.foundation.errors import SimulationError
-from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Region
 from simbev_ros.schema.scene.map_spec import MapSpec
-
-_ENDED = 1
 
 
 def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | None, built: Callable[[], None]) -> None:
@@ -34,60 +26,17 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
         InputError: The cache cannot be written.
         SimulationError: A worker process was killed, as happens when memory runs out.
     """
-    workers = min(len(regions), usable_cores())
-    if workers <= 1:
-        for region in regions:
-            _build(spec, region, cache_dir)
-            built()
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_set_up_worker) as pool:
-        try:
-            for done in as_completed([pool.submit(_build_in_worker, spec, region, cache_dir) for region in regions]):
-                done.result()
-                built()
-        except BaseException as error:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            if isinstance(error, BrokenProcessPool):
-                raise SimulationError(
-                    f"map {spec.name}: a process that built its surroundings was killed; is there enough memory? "
-                    "Regions that were already built are kept"
-                ) from None
-            raise
-
-
-def _set_up_worker() -> None:
-    """Set up a worker process: it ignores Ctrl-C, which the parent handles, and ends on SIGTERM or with the parent."""
-    gc.disable()  # arrays and polygons form no reference cycles, and searching for them takes an eighth of the time
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end(*_: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise SystemExit(_ENDED)
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None, "a worker has a parent"
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
-def _build_in_worker(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
-    """Build one region in a worker: SIGTERM cleans up temporary files first if there may be any, else ends at once."""
     try:
-        signal.signal(signal.SIGTERM, _end)
-        _build(spec, region, cache_dir)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    except SystemExit:
-        os._exit(_ENDED)  # the pool would continue with the next region
+        for _ in build_in_processes(partial(_build, spec, cache_dir), regions):
+            built()
+    except BrokenProcessPool:
+        raise SimulationError(
+            f"map {spec.name}: a process that built its surroundings was killed; is there enough memory? "
+            "Regions that were already built are kept"
+        ) from None
 
 
-def _build(spec: MapSpec, region: Region, cache_dir: Path | None) -> None:
+def _build(spec: MapSpec, cache_dir: Path | None, region: Region) -> None:
     """Build one region in the current process."""
     try:
         _cache(spec, cache_dir).region(region)

@@ -14,7 +14,6 @@ from simbev_ros.foundation.types import Float32Array, Float64Array
 from simbev_training.cache.layout import CM_PER_M
 from simbev_training.cache.reader import CachedScene, Sample
 from simbev_training.training.augmentation import Thinning, Warp
-from simbev_training.training.clutter import add_clutter
 from simbev_training.training.config import Training
 from simbev_training.training.image_pasting import Images, paste_images
 from simbev_training.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
@@ -141,8 +140,6 @@ class CachedBatches(Dataset[Batch]):
         sweeps = [np.zeros((0, 3), np.int16) for _ in sample.sweeps_cm]
         if self._modality.has_lidar:
             sweeps = thinning.sweeps(sample, rng)
-            if self._augmentation is not None and self._augmentation.clutter:
-                sweeps = add_clutter(sample, sweeps, self._augmentation.clutter, rng)
         size_px = images.rgb.shape[2], images.rgb.shape[1]
         image_warps = np.tile(np.eye(3), (len(images.rgb), 1, 1))
         if self._augmentation is not None:

@@ -40,12 +40,6 @@ class Augmentation(Model):
         le=10,
         description="maximum distance within which points are left out, as those on the vehicle's own body often are",
     )
-    clutter: float = Field(
-        0.0,
-        ge=0,
-        le=100,
-        description="mean number of places at which posts, bushes, boxes and walls are put, if they are free",
-    )
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     every_second_ring: float = Field(
         0.25,

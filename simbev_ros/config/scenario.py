@@ -21,6 +21,7 @@ from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.appearance import Appearance
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, within
+from simbev_ros.config.drive import Drive
 from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.hazards import Hazards
@@ -209,6 +210,11 @@ class Scenario(Model):
     appearance: Appearance = Appearance()
     traffic: Traffic = Traffic()
     hazards: Hazards = Hazards()
+    drive: Drive | None = Field(
+        None,
+        exclude_if=lambda value: value is None,
+        description="a route that the first agent drives, with `{}` as by default; none: it drives at random",
+    )
     accept: Acceptance | None = Field(
         None, description="rules that a scene must meet, else it is drawn again; none: every scene is accepted"
     )
@@ -285,7 +291,10 @@ class Scenario(Model):
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         require_consistent_evaluations(self.evaluation, self.agents)
-        require_maps_of_poses(self.ego, self.agents, {map_name(entry.map, entry.bounds) for entry in self.scenes})
+        maps = {map_name(entry.map, entry.bounds): None for entry in self.scenes}
+        require_maps_of_poses(self.ego, self.agents, maps)
+        if self.drive is not None:
+            self.drive.require_fitting(self.ego, maps)
         return self
 
     @model_validator(mode="after")

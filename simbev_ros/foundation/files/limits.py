@@ -116,6 +116,12 @@ MAX_ACTORS = 20_000
 MAX_AGENTS = 32
 """Agents in a scene: vehicles and roadside units with sensors. A mask of 32 bits says which of them see an object."""
 
+MAX_ROUTE_POINTS = 50_000
+"""Points of the route that an agent drives; the longest one of a configuration, 20 km, has 20,000."""
+
+MAX_DRIVE_EVENTS = 1_000
+"""Events along a route."""
+
 MAX_LISTED_OBJECTS = 5_000_000
 """Objects in a folder of an object store; a dataset with the highest number of scenes and their logs has 2 million."""
 

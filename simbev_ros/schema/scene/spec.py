@@ -21,6 +21,7 @@ from simbev_ros.foundation.files.limits import (
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.agent_spec import AgentSpec
 from simbev_ros.schema.scene.appearance import AppearanceSpec
+from simbev_ros.schema.scene.drive_spec import DriveSpec
 from simbev_ros.schema.scene.hazard import HazardSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -159,6 +160,9 @@ class SceneSpec(Stored):
         0.0, ge=0, le=1, exclude_if=lambda value: not value, description="people who rest, per pedestrian nearby"
     )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
+    drive: DriveSpec | None = Field(
+        None, exclude_if=lambda value: value is None, description="the first agent's route; none: it has none"
+    )
     datum: DatumSpec | None = Field(None, description="the map's position on Earth; none: an earlier version drew it")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")
 
@@ -189,6 +193,14 @@ class SceneSpec(Stored):
             leader = pedestrian.companion_of
             if leader is not None and not index - MAX_GROUP_SIZE < leader < index:
                 raise ValueError(f"pedestrians.{index}.companion_of: is {leader}, not one of the two before it")
+        return self
+
+    @model_validator(mode="after")
+    def _events_have_actors(self) -> Self:
+        for index, event in enumerate(self.drive.events if self.drive is not None else ()):
+            for name in ("vehicles", "pedestrians"):
+                if any(not 0 <= actor < len(getattr(self, name)) for actor in getattr(event, name)):
+                    raise ValueError(f"drive.events.{index}.{name}: the scene has {len(getattr(self, name))} {name}")
         return self
 
     @property

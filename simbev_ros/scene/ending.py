@@ -1,20 +1,20 @@
 """Detection of the end of a scene: after its duration, or earlier when the ego has stood still for too long.
 
-It also ends early when the supervisor asks for it.
+A drive ends at its goal, in standstill, off its route, or after its time. A scene also ends when the supervisor asks.
 """
 
 import math
 
+import numpy as np
 from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.route_progress import STANDING_MPS, DriveRule
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 
 DURATION = "duration"
-STANDING_MPS = 0.1
-"""Horizontal speed below which a vehicle stands still."""
 
 
 class SceneEnd(Model):
@@ -40,6 +40,7 @@ class SceneEndDetector:
         self._standing_ticks = 0
         self._events = 0
         self._requested: str | None = None
+        self._drive = None if spec.drive is None else DriveRule(spec.drive, spec.tick_ns)
 
     def end_soon(self, reason: str) -> None:
         """Let the scene end with its next tick, for a reason in words."""
@@ -51,11 +52,15 @@ class SceneEndDetector:
             return None
         self._events += len(state.events)
         ego, max_ticks = state.ego, self._spec.end_after_standing_ticks
-        is_standing = math.hypot(ego["vx"], ego["vy"]) < STANDING_MPS
-        self._standing_ticks = self._standing_ticks + 1 if is_standing else 0
+        speed_mps = math.hypot(ego["vx"], ego["vy"])
+        self._standing_ticks = self._standing_ticks + 1 if speed_mps < STANDING_MPS else 0
         if max_ticks is not None and self._standing_ticks >= max_ticks:
             standing_s = max_ticks * self._spec.tick_ns / NS_PER_S
             return self._end(state.tick, f"ego stood still for {standing_s:g} s at tick {state.tick}")
+        if self._drive is not None:
+            done = self._drive.end_at(state.tick, np.array([ego["x"], ego["y"]], np.float64), speed_mps)
+            if done is not None:
+                return self._end(state.tick, done[1])
         if self._requested is not None:
             return self._end(state.tick, self._requested)
         return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None

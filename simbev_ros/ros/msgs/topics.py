@@ -31,6 +31,10 @@ EVENTS = "/world/events"
 READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
 EVALUATION = "/evaluation"
+DRIVE_ROUTE = "/drive/route"
+DRIVE_PLAN = "/drive/plan"
+DRIVE_GOAL = "/drive/goal"
+DRIVE_PROGRESS = "/drive/progress"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 ROBOT_DESCRIPTION = "/robot_description"
@@ -65,7 +69,20 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield from _WORLD
     for view in agent_views(spec):
         yield from _carrier_topics(view)
+    yield from _drive_topics(spec)
 
+
+def _drive_topics(spec: SceneSpec) -> tuple[Topic, ...]:
+    """Topics of the world node about the first agent's route."""
+    return () if spec.drive is None else _DRIVE
+
+
+_DRIVE = (
+    Topic(DRIVE_ROUTE, "nav_msgs/msg/Path", 0),
+    Topic(DRIVE_PLAN, "sensor_msgs/msg/PointCloud2", 0),
+    Topic(DRIVE_GOAL, "geometry_msgs/msg/PoseStamped", 0),
+    Topic(DRIVE_PROGRESS, "sensor_msgs/msg/PointCloud2"),
+)
 
 _WORLD = (
     Topic(SCENE, "std_msgs/msg/String", 0),
@@ -82,9 +99,15 @@ _WORLD = (
 """Topics about the world."""
 
 
-def _carrier_topics(view: AgentView) -> tuple[Topic, Topic]:
+def _carrier_topics(view: AgentView) -> tuple[Topic, ...]:
     """Topics of the world node about an agent."""
-    return robot_description_topic(view), odometry_topic(view)
+    status = (vehicle_status_topic(view),) if view.reports_status else ()
+    return robot_description_topic(view), odometry_topic(view), *status
+
+
+def vehicle_status_topic(view: AgentView) -> Topic:
+    """Topic with speed, steering, gear and indicators of an agent's vehicle."""
+    return Topic(agent_topic(view.agent, "vehicle_status"), "sensor_msgs/msg/PointCloud2")
 
 
 def transform_topics(spec: SceneSpec) -> Iterator[Topic]:
@@ -119,6 +142,7 @@ def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
     return (
         *_WORLD,
         *transform_topics(spec),
+        *_drive_topics(spec),
         *(topic for view in agent_views(spec) for topic in _agent_topics(view, compressed_images)),
         *joint_topics(spec),
     )

@@ -24,12 +24,15 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.drive import goal_message, route_message
 from simbev_ros.ros.msgs.qos import STEERING, rclpy_qos
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.signing import content_of, signed_json
 from simbev_ros.ros.msgs.stamps import time_message
+from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.ros.msgs.world import (
+    MAP_FRAME,
     QuaternionSigns,
     actors_message,
     agent_odometry,
@@ -50,6 +53,7 @@ from simbev_ros.scene.legend import legend
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.schema.scene.agents import AgentView, agent_views
+from simbev_ros.schema.scene.drive_tables import ProgressTables, route_table, status_table
 from simbev_ros.schema.scene.lights import street_lights
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -72,6 +76,7 @@ class _LoadedScene:
         source: Simulation or replay that computes its states.
         ending: Decides when the scene ends.
         displays: Publishes displays that have subscribers.
+        progress: Progress of the first agent along its route; None: it has none.
         signs: Signs of the agents' rotations.
         end: How the scene has ended; None: it has not.
     """
@@ -81,6 +86,7 @@ class _LoadedScene:
     source: StateSource
     ending: SceneEndDetector
     displays: WorldDisplays
+    progress: ProgressTables | None
     signs: QuaternionSigns = field(default_factory=QuaternionSigns)
     end: SceneEnd | None = None
 
@@ -146,7 +152,8 @@ class WorldNode(GraphNode):
             views = agent_views(request.spec)
             source, displays = self._load(request, views)
         ending = SceneEndDetector(request.spec, source.available)
-        self._scene = _LoadedScene(request, views, source, ending, displays)
+        progress = None if request.spec.drive is None else ProgressTables(request.spec.drive.route)
+        self._scene = _LoadedScene(request, views, source, ending, displays, progress)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -174,6 +181,11 @@ class WorldNode(GraphNode):
         lamps = street_lights(spec.lights, streetside.light_m)
         self.publish(topics.LIGHTS, lights_message(lamps, spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
+        if spec.drive is not None:
+            self.publish(topics.DRIVE_ROUTE, route_message(spec.drive.route, spec.start_ns))
+            plan = message_from_table(route_table(spec.drive.route), spec.start_ns, MAP_FRAME)
+            self.publish(topics.DRIVE_PLAN, plan)
+            self.publish(topics.DRIVE_GOAL, goal_message(spec.drive.route, spec.start_ns))
         specification = spec.model_dump_json()
         self.publish(topics.SCENE, String(data=specification))
         self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
@@ -269,6 +281,12 @@ class WorldNode(GraphNode):
         scene.displays.publish(state, odometries)
         for view, odometry in zip(scene.views, odometries, strict=True):
             self.publish(topics.odometry_name(view.agent), odometry)
+            if view.reports_status:
+                status = message_from_table(status_table(view.ego_row(state.actors)), state.stamp_ns, MAP_FRAME)
+                self.publish(topics.vehicle_status_topic(view).name, status)
+        if scene.progress is not None:
+            progress = message_from_table(scene.progress.table_at(state.ego), state.stamp_ns, MAP_FRAME)
+            self.publish(topics.DRIVE_PROGRESS, progress)
         self._transforms.publish(odometries)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -20,6 +20,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_carriers import CarrierDrawer, Chain
 from simbev_ros.scene.drawing.draw_stations import StationDrawer
+from simbev_ros.scene.drawing.route_points import routed_ego
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.schema.scene.agent_spec import AgentSpec, StationSpec
@@ -63,7 +64,7 @@ def draw_agents(
             there is no free start for it.
     """
     refused: RoomError | None = None
-    ego_starts = 1 if scenario.ego.spawn_on(network.name)[1] else _MAX_EGO_STARTS
+    ego_starts = 1 if routed_ego(scenario, network)[0].spawn_on(network.name)[1] else _MAX_EGO_STARTS
     for ego_start in range(ego_starts):
         try:
             return _draw_around(scenario, seed, network, starts, duration_s, ego_start)

@@ -18,6 +18,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.nearness import is_near
+from simbev_ros.scene.drawing.route_points import routed_ego
 from simbev_ros.scene.drawing.spawn import Where, no_lane, spawn_starts
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -57,8 +58,8 @@ class CarrierDrawer:
 
     def draw_ego(self, number: int) -> None:
         """Draw the first agent's vehicle with this one of the starts that follow from the seed."""
-        where = partial(self.scenario.where, "ego")
-        self._draw(self.scenario.ego, self.scenario.rig.agent, "ego", where, partial(self._draw_position, number))
+        ego, where = routed_ego(self.scenario, self.network)
+        self._draw(ego, self.scenario.rig.agent, "ego", where, partial(self._draw_position, number))
 
     def draw(self, agent: Agent, name: str, where: Where, chain: Chain | None) -> None:
         """Draw the vehicle of another agent, which continues a chain if there is one.

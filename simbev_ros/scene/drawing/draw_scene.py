@@ -11,6 +11,8 @@ from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
+from simbev_ros.scene.drawing.draw_drive import draw_drive
+from simbev_ros.scene.drawing.draw_events import draw_events
 from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weathers, fog_fills_heights
@@ -71,14 +73,19 @@ def draw_scene(
     starts = start_positions(scenario, network) if starts is None else starts
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
-    agents = draw_agents(scenario, seed, network, starts, duration_s)
+    agents, drive = draw_drive(scenario, seed, network, draw_agents(scenario, seed, network, starts, duration_s))
     clearance = StartClearance(network, agents.vehicles)
     weather, final_weather = draw_weathers(
         scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
     )
     drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents, weather)
     hazards = drawer.draw_hazards()
-    vehicles = tuple(drawer.draw_vehicles(hazards, clearance))
+    vehicles = *agents.vehicles, *drawer.draw_vehicles(hazards, clearance)
+    pedestrians = tuple(drawer.draw_pedestrians(clearance))
+    if drive is not None:
+        events = draw_events(scenario, seed, network, drive.route, vehicles, pedestrians, clearance)
+        drive = drive.model_copy(update={"events": events.events})
+        vehicles, pedestrians = (*vehicles, *events.vehicles), (*pedestrians, *events.pedestrians)
     return SceneSpec(
         number=planned.number,
         split=planned.split,
@@ -94,13 +101,14 @@ def draw_scene(
         appearance=draw_appearance(scenario.appearance, seed),
         agents=agents.specs,
         v2x=draw_v2x(scenario, seed, [agent.name for agent in agents.specs]),
-        vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),
-        pedestrians=tuple(drawer.draw_pedestrians(clearance)),
+        vehicles=(*vehicles, *hazards.vehicles),
+        pedestrians=pedestrians,
         walker_cross_factor=drawer.draw_cross_factor(),
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         parked_density=sample(scenario.traffic.parked.density, stream(seed, "parked.density")),
         resting_share=scenario.traffic.resting_share,
         hazards=hazards.hazards,
+        drive=drive,
         datum=datum_spec(network.datum),
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))

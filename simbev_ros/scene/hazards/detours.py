@@ -25,13 +25,18 @@ class Detours:
         """For agents in vehicles, already drawn; other vehicles start at the ``near`` ones of the (N,) positions."""
         self._streets = streets_of(network)
         self._agents = [(blueprint_named(agent.blueprint), network.lanes[agent.start.lane]) for agent in agents]
+        self._passed = {edge for agent in agents for edge in agent.via}
         self._edges = np.array([lane.edge for lane in positions.lanes])[positions.row[near]]
 
     def closure_for(self, closed: frozenset[str]) -> frozenset[str] | None:
         """All edges to close if ``closed`` are closed; None: too much is lost, or an agent is among it."""
         reference = self._streets.for_blueprint(blueprint_named(_REFERENCE_VEHICLE))
         cut_off = reference.cut_off_edges(closed)
-        if not closed <= cut_off or any(self._loses(*agent, closed, cut_off) for agent in self._agents):
+        if (
+            not closed <= cut_off
+            or self._passed & cut_off
+            or any(self._loses(*agent, closed, cut_off) for agent in self._agents)
+        ):
             return None
         dead_ends = [self._streets.edge_number[edge] for edge in sorted(cut_off - closed)]
         if self._streets.edge_length_m[dead_ends].sum() > _MAX_CUT_OFF_M:

@@ -41,20 +41,19 @@ def draw_vehicle_route(spec: SceneSpec, network: RoadNetwork, index: int) -> Veh
     rng = stream(spec.seed, f"v{index}.route")
     length_m = duration_s(spec) * max_speed_mps
     if vehicle.via:
-        edges = _route_by(graph, network.lanes[vehicle.start.lane].edge, vehicle.via, length_m, rng)
+        edges = route_through(graph, network.lanes[vehicle.start.lane].edge, vehicle.via)
+        edges += graph.draw_continuation(edges[-1], length_m, rng)
     else:
         edges = graph.draw_route(vehicle.start.lane, length_m, rng)
     return VehicleRoute(edges, graph.is_dead_end(edges[-1]))
 
 
-def _route_by(
-    graph: StreetGraph, start: str, via: tuple[str, ...], length_m: float, rng: np.random.Generator
-) -> tuple[str, ...]:
-    """Shortest paths from one edge to the next one, and from the last one a random route of a length."""
+def route_through(graph: StreetGraph, start: str, via: tuple[str, ...]) -> tuple[str, ...]:
+    """An edge, and the shortest paths from each edge to the next one of those that a route passes."""
     edges = [start]
     for goal in via:
         edges += graph.shortest_path(edges[-1], goal)
-    return *edges, *graph.draw_continuation(edges[-1], length_m, rng)
+    return tuple(edges)
 
 
 def duration_s(spec: SceneSpec) -> float:

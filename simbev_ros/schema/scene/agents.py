@@ -91,6 +91,12 @@ class AgentView:
         return STATION_IDS + self.index - 1 if self.spec.vehicle is None else EGO_ID + self.spec.vehicle
 
     @property
+    def reports_status(self) -> bool:
+        """Whether the agent's vehicle publishes its status: it drives a route, or its driver sends stamped commands."""
+        has_route = self.is_ego and self.scene.drive is not None
+        return has_route or self.spec.driver not in ("traffic", "twist")
+
+    @property
     def noise_seed(self) -> int:
         """Seed of the noise of the agent's sensors; agents with equal rigs have different noise.
 

@@ -54,6 +54,13 @@ class RouteSpec(Model):
         """(N, 3) points, map frame."""
         return np.column_stack([self.x_m, self.y_m, self.z_m])
 
+    @cached_property
+    def yaw_rad(self) -> Float64Array:
+        """(N,) directions of the route at its points, each toward the next one."""
+        step_m = np.diff(self.points_m[:, :2], axis=0)
+        yaw_rad = np.arctan2(step_m[:, 1], step_m[:, 0])
+        return np.append(yaw_rad, yaw_rad[-1])
+
     @property
     def length_m(self) -> float:
         """Distance from the first point to the goal, which is the last one."""

@@ -10,7 +10,8 @@ import numpy as np
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.config.acceptance import Acceptance
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.ending import STANDING_MPS, SceneEndDetector
+from simbev_ros.scene.ending import SceneEndDetector
+from simbev_ros.schema.scene.route_progress import STANDING_MPS
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.world.simulation import Simulation

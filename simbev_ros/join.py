@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock
@@ -60,6 +61,7 @@ class Lockstep:
     Attributes:
         scene: The scene that plays, as given to ``load``; None: there has been none yet.
         period_ticks: As above; ``load`` may set it for each scene.
+        outputs: Publishers of the node that need a subscriber before a scene is reported as loaded.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Lockstep:
     ) -> None:
         self.scene: dict[str, Any] | None = None
         self.period_ticks = period_ticks
+        self.outputs: list[Any] = []
         self._node, self._name, self._load = node, name, load
         self._polls_connected = 0
         self._announced_s = self._reported_s = 0.0
@@ -128,6 +131,7 @@ class Lockstep:
     def _poll(self) -> None:
         """Report the scene as loaded, again and again, once everything is connected; called by a timer."""
         unconnected = {each.topic_name for each in self._node.subscriptions if not each.get_publisher_count()}
+        unconnected |= {each.topic_name for each in self.outputs if not each.get_subscription_count()}
         unconnected -= self._passed_over
         self._polls_connected = 0 if unconnected else self._polls_connected + 1
         now_s = time.monotonic()
@@ -149,3 +153,60 @@ class Lockstep:
 def _name_of(scene: dict[str, Any]) -> str:
     """Name of a scene, as the graph has it."""
     return f"{scene['map']['name']}-{scene['number']:04d}"
+
+
+class Driver:
+    """Drives a vehicle in lockstep: for each set of inputs with one stamp, it publishes one command with this stamp.
+
+    The world applies the command ``graph.window_ticks`` ticks later, the same on every machine.
+
+    Args:
+        node: The node; something has to spin it.
+        decide: Called with the inputs by topic, and the scene; returns a command, of which the header is filled in.
+        inputs: Message types by topics, all of them with a header and with the same stamps.
+        command: Topic and type of the command, such as ``/ego/ackermann_cmd`` and ``AckermannDriveStamped``.
+        period_ticks: Number of ticks from one input to the next.
+
+    Example:
+        >>> def decide(inputs, scene):
+        ...     command = AckermannDriveStamped()
+        ...     command.drive.speed = 8.0
+        ...     return command
+        >>> rclpy.init()
+        >>> node = rclpy.create_node("driver")
+        >>> Driver(node, decide, {"/ego/odom": Odometry}, ("/ego/ackermann_cmd", AckermannDriveStamped))
+        >>> rclpy.spin(node)
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        decide: Callable[[dict[str, Any], dict[str, Any]], Any],
+        inputs: dict[str, Any],
+        command: tuple[str, Any],
+        *,
+        period_ticks: int = 1,
+        namespace: str = "",
+    ) -> None:
+        topic, kind = command
+        agent = topic.removeprefix(namespace).split("/")[1]
+        self._decide, self._inputs, self._waiting = decide, inputs, dict[tuple[int, int], dict[str, Any]]()
+        self._commands = node.create_publisher(kind, topic, 100)
+        self.lockstep = Lockstep(node, f"{agent}_driver", period_ticks=period_ticks, namespace=namespace)
+        self.lockstep.outputs.append(self._commands)
+        for name, each in inputs.items():
+            node.create_subscription(each, name, partial(self._receive, name), 100)
+
+    def _receive(self, name: str, message: Any) -> None:
+        stamp = message.header.stamp
+        arrived = self._waiting.setdefault((stamp.sec, stamp.nanosec), {})
+        arrived[name] = message
+        if len(arrived) < len(self._inputs) or self.lockstep.scene is None:
+            return
+        self._waiting = {key: each for key, each in self._waiting.items() if key > (stamp.sec, stamp.nanosec)}
+        command = self._decide(arrived, self.lockstep.scene)
+        for tick in range(self.lockstep.period_ticks):  # the world waits for a command at each tick
+            ns = stamp.nanosec + tick * self.lockstep.scene["tick_ns"]
+            command.header.stamp.sec, command.header.stamp.nanosec = stamp.sec + ns // _NS_PER_S, ns % _NS_PER_S
+            self._commands.publish(command)
+        self.lockstep.finished(stamp)

@@ -31,6 +31,7 @@ DATA = {"foundation", "config", "schema", "recording", "dataset"}
 ALONE = {"reference_stack": "foundation.tick_join", "join": None}
 """Import nothing of the house, not even from above, but for this module, which needs nothing but Python."""
 ROS = {
+    "ackermann_msgs",
     "builtin_interfaces",
     "diagnostic_msgs",
     "geometry_msgs",
@@ -42,6 +43,7 @@ ROS = {
     "simbev_interfaces",
     "std_msgs",
     "std_srvs",
+    "trajectory_msgs",
     "tf2_msgs",
     "vision_msgs",
     "visualization_msgs",

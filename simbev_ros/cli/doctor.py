@@ -44,7 +44,7 @@ def doctor(
 
     simbev doctor
 
-    simbev doctor --fix    make tf2_msgs, vision_msgs, radar_msgs and simbev_interfaces, for /tf and detections live
+    simbev doctor --fix    make tf2_msgs, vision_msgs and other packages, for /tf and detections live
     """
     if fix:
         _make_message_packages()

@@ -25,7 +25,7 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import MAX_HEIGHT_ON_VEHICLE_M, MAX_SENSOR_HEIGHT_M
 from simbev_ros.foundation.files.limits import MAX_AGENTS
 
-EgoDriverKind = Literal["traffic", "twist"]
+EgoDriverKind = Literal["traffic", "twist", "ackermann", "trajectory", "path"]
 
 RESERVED_NAMES: Final = (
     *("all", "world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
@@ -36,6 +36,11 @@ RESERVED_NAMES: Final = (
 and those of an agent's own topics, which readers of bags name without the agent."""
 
 
+def driver_participant(agent: str) -> str:
+    """Name on /sync/ready of the node that sends stamped commands to the vehicle of an agent."""
+    return f"{agent}_driver"
+
+
 class Ego(Model):
     """The ego vehicle."""
 
@@ -44,7 +49,10 @@ class Ego(Model):
         "traffic",
         description="traffic: the vehicle drives like others; "
         "twist: it follows geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s (negative: in reverse) "
-        "and angular.z in rad/s",
+        "and angular.z in rad/s; the others have a dynamic vehicle model, and in lockstep a command acts at its stamp "
+        "plus `graph.window_ticks`; ackermann: ackermann_msgs/AckermannDriveStamped on /<agent>/ackermann_cmd; "
+        "trajectory: trajectory_msgs/MultiDOFJointTrajectory on /<agent>/trajectory; path: nav_msgs/Path with stamped "
+        "poses on /<agent>/planned_path",
     )
     color: int | None = Field(None, ge=0, le=0xFFFFFF, description="color as 0xRRGGBB, sRGB; none: drawn")
     spawn: SpawnPoses = Field(

@@ -12,6 +12,7 @@ from simbev_ros.config.acceptance import Acceptance
 from simbev_ros.config.agents import (
     Agent,
     Ego,
+    driver_participant,
     require_consistent_agents,
     require_consistent_evaluations,
     require_heights_of_vehicle,
@@ -255,9 +256,12 @@ class Scenario(Model):
 
     @property
     def participants(self) -> tuple[str, ...]:
-        """Outside nodes on /sync/ready for which the world waits, including the evaluated stacks."""
+        """Outside nodes on /sync/ready for which the world waits, including evaluated stacks and drivers."""
         stacks = (name for agent in self.evaluated_agents for name in agent.participants)
-        return tuple(dict.fromkeys((*self.graph.participants, *stacks)))
+        drivers = [(self.rig.agent, self.ego.driver)]
+        drivers += [(name, agent.driver) for agent in self.agents for name in agent.names(agent.max_count)]
+        driving = (driver_participant(name) for name, driver in drivers if driver not in ("traffic", "twist"))
+        return tuple(dict.fromkeys((*self.graph.participants, *stacks, *driving)))
 
     @property
     def evaluated_agents(self) -> tuple[EvaluatedAgent, ...]:

@@ -22,12 +22,13 @@ class LockstepWindow:
 
     Attributes:
         participants: Names of the nodes that must report.
+        window_ticks: As above.
     """
 
     def __init__(self, participants: Iterable[str], window_ticks: int, outside: Iterable[str] = ()) -> None:
         self.participants = tuple(participants)
         self._outside = frozenset(outside)
-        self._window_ticks = window_ticks
+        self.window_ticks = window_ticks
         self._spec: SceneSpec | None = None
         self._finished: dict[str, int] = {}
         self._first_stamps_ns: dict[str, int] = {}
@@ -67,7 +68,7 @@ class LockstepWindow:
     def _own_tick(self, spec: SceneSpec, report: Report) -> int | None:
         """Tick that a node of the graph reports; None if the scene does not have it."""
         tick = spec.tick_of(report.stamp_ns)
-        return tick if -spec.lead_in_ticks - self._window_ticks <= tick <= spec.ticks else None
+        return tick if -spec.lead_in_ticks - self.window_ticks <= tick <= spec.ticks else None
 
     def _outside_tick(self, spec: SceneSpec, report: Report, published_tick: int | None) -> int | None:
         """Tick up to which an outside participant has finished the scene; None if the report is not new."""
@@ -91,7 +92,7 @@ class LockstepWindow:
 
     def may_start(self, tick: int) -> bool:
         """Whether all participants have loaded the scene and are at most the window behind."""
-        return self.all_loaded and all(done >= tick - self._window_ticks for done in self._finished.values())
+        return self.all_loaded and all(done >= tick - self.window_ticks for done in self._finished.values())
 
     def laggards(self) -> list[str]:
         """The participants with the lowest finished tick, which hold up the others."""

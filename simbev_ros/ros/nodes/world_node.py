@@ -18,6 +18,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.assets.regions.static_cache import load_streetside
+from simbev_ros.config.agents import driver_participant
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.process_memory import freeze_after_loading
 from simbev_ros.maps.build import load_network
@@ -25,12 +27,14 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.drive import goal_message, route_message
-from simbev_ros.ros.msgs.qos import STEERING, rclpy_qos
+from simbev_ros.ros.msgs.message_types import is_installed, message_class
+from simbev_ros.ros.msgs.qos import STATE_READER, STEERING, rclpy_qos
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.signing import content_of, signed_json
-from simbev_ros.ros.msgs.stamps import time_message
+from simbev_ros.ros.msgs.stamps import stamp_of, time_message
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.transforms import TransformBroadcaster
+from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS, CommandKind
 from simbev_ros.ros.msgs.world import (
     MAP_FRAME,
     QuaternionSigns,
@@ -42,10 +46,11 @@ from simbev_ros.ros.msgs.world import (
     signals_message,
     weather_message,
 )
+from simbev_ros.ros.nodes.command_queue import CommandQueue
 from simbev_ros.ros.nodes.graph_node import GraphNode
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.pacer import Pacer
-from simbev_ros.ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.ros.nodes.world_conditions import ConditionServices, RunningScene
 from simbev_ros.ros.nodes.world_displays import WorldDisplays
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
@@ -56,7 +61,7 @@ from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.drive_tables import ProgressTables, route_table, status_table
 from simbev_ros.schema.scene.lights import street_lights
 from simbev_ros.schema.scene.map_spec import MapSpec
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.replay.replay import Replay
 from simbev_ros.simulation.world.simulation import Simulation
@@ -77,6 +82,7 @@ class _LoadedScene:
         ending: Decides when the scene ends.
         displays: Publishes displays that have subscribers.
         progress: Progress of the first agent along its route; None: it has none.
+        queues: Commands to the vehicles of agents, by the agents' names.
         signs: Signs of the agents' rotations.
         end: How the scene has ended; None: it has not.
     """
@@ -87,6 +93,7 @@ class _LoadedScene:
     ending: SceneEndDetector
     displays: WorldDisplays
     progress: ProgressTables | None
+    queues: dict[str, CommandQueue]
     signs: QuaternionSigns = field(default_factory=QuaternionSigns)
     end: SceneEnd | None = None
 
@@ -153,7 +160,9 @@ class WorldNode(GraphNode):
             source, displays = self._load(request, views)
         ending = SceneEndDetector(request.spec, source.available)
         progress = None if request.spec.drive is None else ProgressTables(request.spec.drive.route)
-        self._scene = _LoadedScene(request, views, source, ending, displays, progress)
+        window_ticks = 0 if self.live else self._lockstep.window_ticks
+        queues = {view.agent: CommandQueue(window_ticks) for view in views if view.spec.driver in COMMAND_KINDS}
+        self._scene = _LoadedScene(request, views, source, ending, displays, progress, queues)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -193,6 +202,16 @@ class WorldNode(GraphNode):
 
     def _follow_commands(self, view: AgentView) -> None:
         """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
+        if (kind := COMMAND_KINDS.get(view.spec.driver)) is not None:
+            topic = topics.agent_topic(view.agent, kind.name)
+            if not is_installed(kind.type):
+                package = kind.type.partition("/")[0]
+                raise InputError(f"driver: {view.spec.driver} needs {package}, which `simbev doctor --fix` makes")
+            if topic not in self._commands:
+                receive = partial(self._on_stamped_command, view.agent, topic, kind)
+                qos = rclpy_qos(STATE_READER)
+                self._commands[topic] = self.create_subscription(message_class(kind.type), topic, receive, qos)
+            return
         command = topics.agent_topic(view.agent, "cmd_vel")
         if view.spec.driver == "twist" and command not in self._commands:
             drive = partial(self._on_command, view.agent)
@@ -214,9 +233,25 @@ class WorldNode(GraphNode):
         if self._scene is not None and (vehicle := self._scene.vehicles.get(agent)) is not None:
             self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
 
+    def _on_stamped_command(self, agent: str, topic: str, kind: CommandKind, message: Any) -> None:
+        """Queue a command; it counts as the report of its driver, valid or not."""
+        scene, stamp_ns = self._scene, stamp_of(message.header.stamp)
+        if scene is None or agent not in scene.queues or scene_number_of(stamp_ns) != scene.spec.number:
+            return
+        if (command := self.read(topic, kind.read, message)) is not None:
+            self.read(topic, scene.queues[agent].add, scene.spec.tick_of(stamp_ns), command)
+        driver = driver_participant(agent)
+        self._lockstep.record_report(Report(driver, scene.spec.name, stamp_ns), self._next_tick - 1)
+        self.advance()
+
+    def _is_driving(self, node: str) -> bool:
+        """Whether a node sends stamped commands to a vehicle, and has loaded the scene."""
+        queues = self._scene.queues if self._scene is not None else {}
+        return self._lockstep.finished_tick(node) is not None and node in map(driver_participant, queues)
+
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, read_report, message, self.signer, self._outside)
-        if report is not None:
+        if report is not None and not self._is_driving(report.node):  # its commands count, which come by another topic
             self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
@@ -245,6 +280,9 @@ class WorldNode(GraphNode):
     def _tick(self, scene: _LoadedScene) -> None:
         with self.meter.busy():
             with self.meter.part("simulate"):
+                for agent, queue in scene.queues.items():
+                    for command in queue.take(self._next_tick):
+                        scene.source.follow_command(scene.vehicles[agent] or 0, command)
                 state = scene.source.step()
                 scene.end = scene.ending.end_at(state)
             if scene.end is not None:  # published first: all nodes know it before they can finish the last tick

@@ -21,6 +21,7 @@ from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.schema.scene.state import Event
 from simbev_ros.simulation.world.cast import cast_of, first_prop_id
 from simbev_ros.simulation.world.doors import Doors
+from simbev_ros.simulation.world.driving.outside_drivers import driven_by_commands
 from simbev_ros.simulation.world.kinematics.collisions import Impact
 from simbev_ros.simulation.world.kinematics.footing import GroundPlanes
 from simbev_ros.simulation.world.kinematics.ground import GroundSurface
@@ -107,6 +108,7 @@ class Actors:
             None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
             self._leading.axle_m,
             self._parked.rows,
+            [row for row, index in enumerate(population.vehicles) if index in driven_by_commands(spec)],
         )
         # The oldest entry belongs to the same tick as the kinematics.
         length = self.delay_ticks + 1

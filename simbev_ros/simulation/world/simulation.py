@@ -29,6 +29,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, SignalState, WorldState
 from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.demand import demand_of
+from simbev_ros.simulation.world.driving.commands import VehicleCommand
 from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
 from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
@@ -135,6 +136,10 @@ class Simulation:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
         self._outside_drivers.set_command(vehicle, speed_mps, yaw_rate_radps)
 
+    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+        """As in ``StateSource``."""
+        self._outside_drivers.follow_command(vehicle, command)
+
     def hold_signal(self, head: int, state: SignalState | None) -> int:
         """As in ``StateSource``; the heads show it when the published state has caught up with SUMO."""
         now = self._steps - 1
@@ -156,7 +161,9 @@ class Simulation:
         if self._steps:
             for change in self._signal_heads.advance(self._steps - 1):
                 self._sumo.take_phase(change)
-            self._outside_drivers.move_vehicles()
+            tick = self._steps - self._spec.warm_up_ticks
+            self._outside_drivers.move_vehicles(tick, self.weather)
+            self._hold_in_warm_up(tick)
             self._turning_room.hold_back()
             self._speed_bumps.slow_down()
             self._sumo.step_sumo()
@@ -180,6 +187,12 @@ class Simulation:
         )
         self._steps += 1
         return state
+
+    def _hold_in_warm_up(self, tick: int) -> None:
+        """Let the first agent stand at the start of its route until tick 0, as vehicles driven from outside do."""
+        start_tick = max(-self._actors.delay_ticks, 2 - self._spec.warm_up_ticks)
+        if self._spec.drive is not None and (self._steps == 1 or tick == start_tick):
+            self._sumo.limit_speed(self._sumo.vehicles.index(0), "drive", None if tick == start_tick else 0.0)
 
     def _extend_routes(self) -> None:
         """Extend the routes that end soon, except those of vehicles driven from outside."""

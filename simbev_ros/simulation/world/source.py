@@ -4,6 +4,7 @@ from typing import Protocol
 
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.state import SignalState, WorldState
+from simbev_ros.simulation.world.driving.commands import VehicleCommand
 
 
 class StateSource(Protocol):
@@ -27,6 +28,9 @@ class StateSource(Protocol):
             speed_mps: Desired speed; negative ones count as 0.
             yaw_rate_radps: Desired yaw rate, counterclockwise positive.
         """
+
+    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+        """Let a vehicle follow a command from the next tick on; ignored unless its driver sends stamped commands."""
 
     def hold_signal(self, head: int, state: SignalState | None) -> int:
         """Let the program of a traffic light go on to a phase in which one of its heads has a state, and stay there.

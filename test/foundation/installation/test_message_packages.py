@@ -147,7 +147,8 @@ def outdated(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_a_compiler_the_packages_of_the_distribution_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(libraries.shutil, "which", lambda name: None)
     with pytest.raises(
-        SimbevError, match=r"^tf2_msgs, vision_msgs, radar_msgs, simbev_interfaces cannot be made on this machine: no C"
+        SimbevError,
+        match=r"^tf2_msgs, .*, ackermann_msgs, simbev_interfaces cannot be made on this machine: no C",
     ):
         installer.install_missing()
     assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then ./simbev doctor --fix"
@@ -167,7 +168,7 @@ def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(installer, "_version", lambda name: None)
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
     assert installer.describe_remedy() == (
-        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs; "
+        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-ackermann-msgs; "
         "build the package in interfaces/ with colcon, and source it"
     )
 

@@ -6,14 +6,24 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.driving.commanded_driver import CommandedDriver
+from simbev_ros.simulation.world.driving.commands import VehicleCommand
 from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
+from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 
 def driven_from_outside(spec: SceneSpec) -> frozenset[int]:
     """Indices in ``spec.vehicles`` of the vehicles that outside nodes drive."""
-    return frozenset(agent.vehicle for agent in spec.agents if agent.vehicle is not None and agent.driver == "twist")
+    return frozenset(agent.vehicle for agent in spec.agents if agent.vehicle is not None and agent.driver != "traffic")
+
+
+def driven_by_commands(spec: SceneSpec) -> frozenset[int]:
+    """Indices in ``spec.vehicles`` of those of them that follow stamped commands with the dynamic vehicle model."""
+    twisted = {agent.vehicle for agent in spec.agents if agent.driver == "twist"}
+    return driven_from_outside(spec) - twisted
 
 
 class OutsideDrivers:
@@ -37,7 +47,8 @@ class OutsideDrivers:
             heights_m: Function from (N, 3) points, roughly at road height, to the (N,) heights of the road.
         """
         self._sumo = sumo
-        self._drivers: dict[int, EgoDriver] = {}
+        self._drivers: dict[int, EgoDriver | CommandedDriver] = {}
+        self._spec, by_commands = spec, driven_by_commands(spec)
         driven = driven_from_outside(spec)
         if not driven:  # an extra sample would shift the ticks at which SUMO's lanes ahead are refreshed
             return
@@ -46,7 +57,8 @@ class OutsideDrivers:
             if index in driven:
                 vehicle = spec.vehicles[index]
                 blueprint = blueprint_named(vehicle.blueprint)
-                self._drivers[index] = EgoDriver(
+                driver = CommandedDriver if index in by_commands else EgoDriver
+                self._drivers[index] = driver(
                     blueprint,
                     front_m,
                     sumo.direction(row),
@@ -60,15 +72,23 @@ class OutsideDrivers:
 
     def set_command(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """Set the desired motion of a vehicle as in ``EgoDriver``; ignored for vehicles that others drive."""
-        if vehicle in self._drivers:
-            self._drivers[vehicle].set_command(speed_mps, yaw_rate_radps)
+        if isinstance(driver := self._drivers.get(vehicle), EgoDriver):
+            driver.set_command(speed_mps, yaw_rate_radps)
 
-    def move_vehicles(self) -> None:
-        """Drive for one tick; call it before each step of SUMO.
+    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+        """Let a vehicle follow a command; ignored for vehicles that follow none."""
+        if isinstance(driver := self._drivers.get(vehicle), CommandedDriver):
+            driver.follow(command)
+
+    def move_vehicles(self, tick: int, weather: WeatherCourse) -> None:
+        """Drive for one tick, the one that leads to ``tick``; call it before each step of SUMO.
 
         Raises:
             SimulationError: SUMO failed.
         """
         for vehicle, driver in self._drivers.items():
-            driver.advance_tick()
+            if isinstance(driver, CommandedDriver):
+                driver.advance_tick(self._spec.stamp_ns(tick - 1), road_friction(weather.at(tick)))
+            else:
+                driver.advance_tick()
             self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)

@@ -3,12 +3,14 @@
 SUMO moves a point for each actor along polylines, so that speed jumps from step to step and direction at every corner.
 This module averages the points over a short window centered on each tick, so the world is a fixed delay behind SUMO but
 has no phase lag. Each body then follows its point like a vehicle: the point leads, and the rear axle is towed behind it
-(a tractrix). The axle of a vehicle driven from outside is given, as a tractrix is unstable in reverse. On maps with
-elevation, the body settles on the ground below its wheels, which adds a little delay. Velocities and accelerations are
-central differences of the poses, so that they integrate back to them. Everything is in the map frame.
+(a tractrix). The axle of a vehicle driven from outside is given, as a tractrix is unstable in reverse; a vehicle that
+follows commands is not averaged, so that these act without this delay. On maps with elevation, the body settles on the
+ground below its wheels, which adds a little delay. Velocities and accelerations are central differences of the poses,
+so that they integrate back to them. Everything is in the map frame.
 """
 
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -130,6 +132,7 @@ class Motion:
         ground_planes: GroundPlanes | None = None,
         axle_m: Float64Array | None = None,
         parked: Table | None = None,
+        unsmoothed: Collection[int] = (),
     ) -> None:
         """Start at rest.
 
@@ -143,6 +146,8 @@ class Motion:
             ground_planes: The ground below the bodies; None: level ground, bodies stand at the heights of their points.
             axle_m: (G - T, 3) rear axles that are given at each tick; NaN: towed; None: all are towed.
             parked: (K,) ``ACTOR_DTYPE`` vehicles that never move, into which bodies may crash; None: there are none.
+            unsmoothed: Indices of points with given axles that move smoothly by themselves and are neither averaged
+                nor delayed by that.
         """
         self._bodies = bodies
         self._tick_s = tick_s
@@ -153,6 +158,7 @@ class Motion:
         self._point_window.add(point_m)
         axle_m = np.full((len(point_m), 3), np.nan) if axle_m is None else axle_m
         self._steered = np.flatnonzero(~np.isnan(axle_m[:, 0]))
+        self._unsmoothed = np.array(sorted(unsmoothed), np.int64)
         self._axle_window = _MovingAverage(half_window_ticks)
         self._axle_window.add(axle_m[self._steered])
         point_m, direction = bodies.with_towed(point_m), bodies.with_towed(direction)
@@ -183,10 +189,15 @@ class Motion:
             The kinematics ``delay_ticks`` before them.
         """
         self._point_window.add(point_m)
-        smoothed = self._bodies.with_towed(self._point_window.average())
+        points_m, rows = self._point_window.average(), self._unsmoothed
+        points_m[rows] = point_m[rows]
+        smoothed = self._bodies.with_towed(points_m)
         if axle_m is not None:
             self._axle_window.add(axle_m[self._steered])
-        poses = self._poses(self._move_axles(smoothed[:, :3], self._axle_window.average()), smoothed[:, 3])
+        axles_m = self._axle_window.average()
+        if axle_m is not None:
+            axles_m[np.searchsorted(self._steered, rows)] = axle_m[rows]
+        poses = self._poses(self._move_axles(smoothed[:, :3], axles_m), smoothed[:, 3])
         resolved = self.collisions.resolve(*self._beside_parked(poses))
         position_m, rpy_rad = self._mount_bodies(*(pose[: len(smoothed)] for pose in resolved))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])

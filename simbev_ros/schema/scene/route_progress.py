@@ -1,4 +1,4 @@
-"""Progress of a vehicle along its route, and the rule by which a drive ends. Whoever needs them computes them here.
+"""Progress of a vehicle along its route, and the rule by which a drive ends, for the world and for referees alike.
 
 A route may cross itself or pass a road twice, so a position belongs to the part of the route that is near the position
 before it.

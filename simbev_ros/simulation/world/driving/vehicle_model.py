@@ -180,8 +180,9 @@ class VehicleModel:
         direction = math.copysign(1.0, before_mps) if brakes and before_mps else gear
         wheels_mps2 = direction * _clamp(self.drive_mps2, grip_mps2)
         along_mps2 = wheels_mps2 - own.resistance_mps2(before_mps, slope)
-        side_mps2, turn_radps2 = self._lateral(along_mps2, wheels_mps2, friction)
-        self.speed_mps += (along_mps2 + self.left_mps * self.yaw_rate_radps) * step_s
+        side_mps2, turn_radps2, bend_mps2 = self._lateral(along_mps2, wheels_mps2, friction)
+        along_mps2 -= bend_mps2
+        self.speed_mps += (along_mps2 + self._dynamic_share * self.left_mps * self.yaw_rate_radps) * step_s
         if brakes and before_mps * self.speed_mps <= 0.0:
             self.speed_mps = 0.0
         self.left_mps += (side_mps2 - before_mps * self.yaw_rate_radps) * step_s
@@ -197,8 +198,8 @@ class VehicleModel:
         own = self.dynamics
         return min(own.max_drive_mps2, own.power_w / own.mass_kg / max(abs(self.speed_mps), 0.1))
 
-    def _lateral(self, along_mps2: float, wheels_mps2: float, friction: float) -> tuple[float, float]:
-        """Lateral acceleration by the tires, and yaw acceleration."""
+    def _lateral(self, along_mps2: float, wheels_mps2: float, friction: float) -> tuple[float, float, float]:
+        """Lateral acceleration by the tires, yaw acceleration, and deceleration by the steered front tires."""
         own, forward_mps = self.dynamics, max(self.speed_mps, BLEND_MPS[0])
         shift = along_mps2 * own.height_m / (GRAVITY_MPS2 * own.wheelbase_m)
         shares = own.rear_m / own.wheelbase_m - shift, own.front_m / own.wheelbase_m + shift
@@ -217,11 +218,17 @@ class VehicleModel:
             forces_mps2.append(max(share, _MIN_LOAD) * GRAVITY_MPS2 * force)
         front_mps2, rear_mps2 = forces_mps2[0] * math.cos(self.steer_rad), forces_mps2[1]
         turn_radps2 = (own.front_m * front_mps2 - own.rear_m * rear_mps2) * own.mass_kg / own.inertia_kgm2
-        return front_mps2 + rear_mps2, turn_radps2
+        share = self._dynamic_share  # in the kinematic model, wheels roll without force
+        return front_mps2 + rear_mps2, turn_radps2, share * forces_mps2[0] * math.sin(self.steer_rad)
+
+    @property
+    def _dynamic_share(self) -> float:
+        """Share of the dynamic model at this speed; the rest is that of the kinematic one."""
+        return min(max((self.speed_mps - BLEND_MPS[0]) / (BLEND_MPS[1] - BLEND_MPS[0]), 0.0), 1.0)
 
     def _blend_with_kinematic(self) -> None:
         """At low speeds, take lateral velocity and yaw rate from the kinematic model, in which no tire slips."""
-        share = min(max((self.speed_mps - BLEND_MPS[0]) / (BLEND_MPS[1] - BLEND_MPS[0]), 0.0), 1.0)
+        share = self._dynamic_share
         if share < 1.0:
             yaw_rate_radps = self.speed_mps * math.tan(self.steer_rad) / self.dynamics.wheelbase_m
             self.yaw_rate_radps = share * self.yaw_rate_radps + (1.0 - share) * yaw_rate_radps

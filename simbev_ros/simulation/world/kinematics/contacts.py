@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.footprints import footprints_overlap
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 
@@ -60,12 +60,4 @@ class BodyBoxes:
 
     def overlap(self, pairs: Int64Array, position_m: Float64Array, yaw_rad: Float64Array) -> BoolArray:
         """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""
-        half_m = self.size_m[pairs][..., :2] / 2.0
-        ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-        axes = np.stack([ahead, left_of(ahead)], axis=2)  # pair, body, side, xy
-        normals = axes.reshape(len(pairs), 4, 2)
-        gap_m = np.abs(np.einsum("kax,kx->ka", normals, position_m[:, 1, :2] - position_m[:, 0, :2]))
-        projection = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))
-        reach_m = np.einsum("kabs,kbs->ka", projection, half_m)
-        is_apart: BoolArray = np.any(gap_m >= reach_m, axis=1)
-        return ~is_apart
+        return footprints_overlap(position_m, yaw_rad, self.size_m[pairs])

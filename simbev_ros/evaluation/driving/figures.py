@@ -1,0 +1,49 @@
+"""Converts a drive to plain values for JSON: what /drive/score carries, and what tables and pages show."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from simbev_ros.evaluation.driving.drive_record import DriveRecord
+from simbev_ros.evaluation.driving.scores.bench2drive import bench2drive
+from simbev_ros.evaluation.driving.scores.leaderboard import leaderboard_2_0, leaderboard_2_1
+from simbev_ros.evaluation.driving.scores.nuplan import nuplan
+
+SCORES = {
+    "leaderboard_2_0": leaderboard_2_0,
+    "leaderboard_2_1": leaderboard_2_1,
+    "bench2drive": bench2drive,
+    "nuplan": nuplan,
+}
+"""Functions from a drive to a score by name."""
+
+
+def drive_figures(drive: DriveRecord) -> dict[str, Any]:
+    """Scores, numbers of infractions by kind, and what was measured; undefined values are null."""
+    time_s = drive.min_time_to_collision_s
+    return {
+        "ended": drive.ended,
+        "completed": drive.completed,
+        "duration_s": drive.duration_s,
+        "driven_m": drive.driven_m,
+        "outside_share": drive.outside_share,
+        "max_off_road_m": drive.max_off_road_m,
+        "max_oncoming_m": drive.max_oncoming_m,
+        "min_time_to_collision_s": time_s if math.isfinite(time_s) else None,
+        "infractions": dict(sorted(Counter(each.kind.value for each in drive.infractions).items())),
+        "scores": {name: score(drive) for name, score in SCORES.items()},
+    }
+
+
+def mean_figures(drives: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Means of the scores over drives, without undefined values, and sums of the infractions."""
+    scores: dict[str, dict[str, float | None]] = {}
+    for name in SCORES:
+        for key in drives[0]["scores"][name] if drives else ():
+            known = [drive["scores"][name][key] for drive in drives if drive["scores"][name][key] is not None]
+            scores.setdefault(name, {})[key] = math.fsum(known) / len(known) if known else None
+    counts: Counter[str] = Counter()
+    for drive in drives:
+        counts.update(drive["infractions"])
+    return {"drives": len(drives), "infractions": dict(sorted(counts.items())), "scores": scores}

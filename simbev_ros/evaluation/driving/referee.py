@@ -1,0 +1,101 @@
+"""The referee: judges the drive of a scene's first agent, state by state, live as well as from a recording."""
+
+from collections.abc import Iterable
+from itertools import chain
+
+from simbev_ros.evaluation.driving.drive_record import DriveRecord
+from simbev_ros.evaluation.driving.infractions import Infraction
+from simbev_ros.evaluation.driving.moment import Moment, Rule
+from simbev_ros.evaluation.driving.motion import ComfortRule
+from simbev_ros.evaluation.driving.route_tracker import RouteTracker
+from simbev_ros.evaluation.driving.rules.collisions import CollisionRule, Obstacles
+from simbev_ros.evaluation.driving.rules.lanes import LaneRule, RoadPlaces
+from simbev_ros.evaluation.driving.rules.pace import ScenarioRule, SpeedRule, StandstillRule
+from simbev_ros.evaluation.driving.rules.right_of_way import RedLightRule, StopSignRule, YieldRule
+from simbev_ros.evaluation.driving.rules.time_to_collision import TimeToCollisionRule
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
+
+
+class Referee:
+    """Judges one drive. It knows the truth and nothing of the driver.
+
+    Args:
+        spec: The scene, with a drive.
+        network: Its roads.
+        obstacles: Its static world; None: collisions with it are not seen.
+
+    Raises:
+        InputError: The scene has no drive.
+    """
+
+    def __init__(self, spec: SceneSpec, network: RoadNetwork, obstacles: Obstacles | None = None) -> None:
+        if spec.drive is None:
+            raise InputError(f"{spec.name}: has no route to drive")
+        self._tick_s = spec.tick_ns / NS_PER_S
+        self._progress = RouteTracker(spec.drive, self._tick_s)
+        places = RoadPlaces(network)
+        self._lanes, self._speed, self._comfort = (
+            LaneRule(places),
+            SpeedRule(spec, spec.drive),
+            ComfortRule(self._tick_s),
+        )
+        self._time_to_collision = TimeToCollisionRule(places)
+        self._rules: tuple[Rule, ...] = (
+            CollisionRule(places, obstacles),
+            RedLightRule(network),
+            StopSignRule(network),
+            YieldRule(spec),
+            self._lanes,
+            self._speed,
+            ScenarioRule(spec.drive),
+            StandstillRule(spec.drive),
+            self._time_to_collision,
+            self._comfort,
+        )
+        self._infractions: list[Infraction] = []
+        self._before: Moment | None = None
+        self._ticks = 0
+
+    def judge(self, state: WorldState) -> tuple[Infraction, ...]:
+        """Judge the next recorded tick; returns the infractions that begin. What follows the end of a drive is free."""
+        if state.tick < 0 or self._progress.ended:
+            return ()
+        if self._before is not None and self._before.before is not None:
+            self._before.before.before = None  # two moments are enough
+        moment = Moment(state, self._tick_s, self._before, 0.0)
+        moment.distance_m = self._progress.advance(moment.position_m, moment.speed_mps)
+        found = tuple(chain.from_iterable(rule.judge(moment) for rule in self._rules))
+        self._infractions += found
+        self._before, self._ticks = moment, self._ticks + 1
+        return found
+
+    @property
+    def record(self) -> DriveRecord:
+        """The drive up to the latest tick."""
+        lanes = self._lanes
+        return DriveRecord(
+            infractions=tuple(self._infractions),
+            completed=self._progress.completed,
+            ended=self._progress.ended,
+            tick_s=self._tick_s,
+            ticks=self._ticks,
+            driven_m=lanes.driven_m,
+            outside_m=lanes.outside_m,
+            overspeed_m=lanes.overspeed_m,
+            max_off_road_m=lanes.max_off_road_m,
+            max_oncoming_m=lanes.max_oncoming_m,
+            min_time_to_collision_s=self._time_to_collision.min_s,
+            speed_checks=tuple(self._speed.checks),
+            comfort=self._comfort.variables(),
+        )
+
+
+def judge_states(referee: Referee, states: Iterable[WorldState]) -> DriveRecord:
+    """Let a referee judge all states, and return the drive."""
+    for state in states:
+        referee.judge(state)
+    return referee.record

@@ -1,0 +1,1 @@
+"""The referee's rules; each judges one tick after the other."""

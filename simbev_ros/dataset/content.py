@@ -27,7 +27,7 @@ from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
 _OF_EGO = re.compile(r"/(prediction/.+|robot_description)")
 """Topics of the ego without its name, because ROS tools and perception stacks expect these names."""
-_SPORADIC = ("/world/events",)
+_SPORADIC = ("/world/events", "/drive/events")
 ODOMETRY = "odom"
 """Key of the ego's true motion."""
 _MOTION = ("/clock", "/tf")

@@ -173,7 +173,7 @@ def test_the_limit_in_a_junction_is_the_highest_of_the_lanes_around() -> None:
 def test_standstill_ends_the_drive_and_what_follows_is_free() -> None:
     scene = spec(standstill_s=10.0)
     referee, found = drive(lambda t: (40.0 if t < 15.0 else 40.0 + 100.0 * (t - 15.0), RIGHT_M, 0.0), 18.0, scene)
-    assert [(each.kind, each.tick * TICK_S) for each in found] == [(K.BLOCKED, pytest.approx(9.95))]
+    assert [(each.kind, each.tick * TICK_S) for each in found] == [(K.STANDSTILL, pytest.approx(9.95))]
     assert referee.record.ended == "standstill"
     assert referee.record.completed == pytest.approx(30.0 / 300.0)
 

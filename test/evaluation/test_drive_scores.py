@@ -89,7 +89,7 @@ def test_both_leaderboards_as_carla_describes_them(done: list[K], expected: tupl
 
 
 def test_what_the_leaderboards_do_not_know_and_what_hits_a_standing_ego_costs_nothing() -> None:
-    drive = did(K.SPEED_LIMIT, K.TIME_TO_COLLISION, K.DISCOMFORT, K.BLOCKED, K.OFF_ROAD, K.WRONG_DIRECTION)
+    drive = did(K.SPEED_LIMIT, K.TIME_TO_COLLISION, K.DISCOMFORT, K.STANDSTILL, K.OFF_ROAD, K.WRONG_DIRECTION)
     stood = replace(drive, infractions=(Infraction(K.VEHICLE_COLLISION, 1, 0, (0.0, 0.0, 0.0), 0.0, "2"),))
     assert [
         score(each)["driving_score"] for each in (drive, stood) for score in (leaderboard_2_0, leaderboard_2_1)

@@ -24,7 +24,9 @@ class InfractionKind(StrEnum):
     SPEED_LIMIT = "speed_limit"  # excess, m/s
     TIME_TO_COLLISION = "time_to_collision"  # s
     DISCOMFORT = "discomfort"  # largest ratio of a variable of motion to its bound
-    BLOCKED = "blocked"  # standstill, s
+    STANDSTILL = "standstill"  # these three end the drive: distance along the route, m
+    OFF_ROUTE = "off_route"
+    TIMEOUT = "timeout"
 
 
 UNITS: Mapping[InfractionKind, str] = {
@@ -32,7 +34,8 @@ UNITS: Mapping[InfractionKind, str] = {
     **dict.fromkeys((InfractionKind.WRONG_DIRECTION, InfractionKind.OFF_ROAD), "m"),
     **dict.fromkeys((InfractionKind.MIN_SPEED, InfractionKind.DISCOMFORT), ""),
     **dict.fromkeys((InfractionKind.RED_LIGHT, InfractionKind.YIELD, InfractionKind.SCENARIO_TIMEOUT), "s"),
-    **dict.fromkeys((InfractionKind.TIME_TO_COLLISION, InfractionKind.BLOCKED), "s"),
+    InfractionKind.TIME_TO_COLLISION: "s",
+    **dict.fromkeys((InfractionKind.STANDSTILL, InfractionKind.OFF_ROUTE, InfractionKind.TIMEOUT), "m"),
 }
 """Units of ``Infraction.value``."""
 

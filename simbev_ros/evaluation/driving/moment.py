@@ -14,9 +14,6 @@ from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.schema.scene.state import WorldState
 
-STANDSTILL_MPS = 0.1
-"""Speed below which a vehicle stands (CARLA's ScenarioRunner and this project's own rule)."""
-
 
 @dataclass(eq=False)
 class Moment:
@@ -95,8 +92,15 @@ class Moment:
 
         Columns of velocities are central differences and contain the impact already.
         """
-        first, last = (_position_of(moment, actor_id) for moment in (self.before and self.before.before, self.before))
-        return np.zeros(2) if first is None or last is None else (last - first) / self.tick_s
+        last = self.before
+        first = last.before if last is not None else None
+        if first is None or last is None:
+            return np.zeros(2)
+        from_m, to_m = _position_of(first, actor_id), _position_of(last, actor_id)
+        if from_m is None or to_m is None:
+            return np.zeros(2)
+        velocity: Float64Array = (to_m - from_m) / ((last.state.tick - first.state.tick) * self.tick_s)
+        return velocity
 
     def infraction(
         self,
@@ -141,8 +145,6 @@ def is_beside_in_height(moment: Moment, rows: Table) -> BoolArray:
     return overlaps
 
 
-def _position_of(moment: Moment | None, actor_id: int) -> Float64Array | None:
-    if moment is None:
-        return None
+def _position_of(moment: Moment, actor_id: int) -> Float64Array | None:
     row = moment.state.actors[moment.state.actors["id"] == actor_id]
     return positions_m(row[0])[:2] if len(row) else None

@@ -1,21 +1,21 @@
 """The referee: judges the drive of a scene's first agent, state by state, live as well as from a recording."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import chain
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
-from simbev_ros.evaluation.driving.infractions import Infraction
+from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
 from simbev_ros.evaluation.driving.moment import Moment, Rule
 from simbev_ros.evaluation.driving.motion import ComfortRule
-from simbev_ros.evaluation.driving.route_tracker import RouteTracker
 from simbev_ros.evaluation.driving.rules.collisions import CollisionRule, Obstacles
 from simbev_ros.evaluation.driving.rules.lanes import LaneRule, RoadPlaces
-from simbev_ros.evaluation.driving.rules.pace import ScenarioRule, SpeedRule, StandstillRule
+from simbev_ros.evaluation.driving.rules.pace import ScenarioRule, SpeedRule
 from simbev_ros.evaluation.driving.rules.right_of_way import RedLightRule, StopSignRule, YieldRule
 from simbev_ros.evaluation.driving.rules.time_to_collision import TimeToCollisionRule
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.schema.scene.route_progress import DriveEnd, DriveRule, RouteProgress
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 
@@ -36,7 +36,8 @@ class Referee:
         if spec.drive is None:
             raise InputError(f"{spec.name}: has no route to drive")
         self._tick_s = spec.tick_ns / NS_PER_S
-        self._progress = RouteTracker(spec.drive, self._tick_s)
+        self._progress, self._completed = RouteProgress(spec.drive.route), 0.0
+        self._ending, self._ended = DriveRule(spec.drive, spec.tick_ns), ""
         places = RoadPlaces(network)
         self._lanes, self._speed, self._comfort = (
             LaneRule(places),
@@ -52,7 +53,6 @@ class Referee:
             self._lanes,
             self._speed,
             ScenarioRule(spec.drive),
-            StandstillRule(spec.drive),
             self._time_to_collision,
             self._comfort,
         )
@@ -62,16 +62,32 @@ class Referee:
 
     def judge(self, state: WorldState) -> tuple[Infraction, ...]:
         """Judge the next recorded tick; returns the infractions that begin. What follows the end of a drive is free."""
-        if state.tick < 0 or self._progress.ended:
+        if state.tick < 0 or self._ended:
             return ()
         if self._before is not None and self._before.before is not None:
             self._before.before.before = None  # two moments are enough
         moment = Moment(state, self._tick_s, self._before, 0.0)
-        moment.distance_m = self._progress.advance(moment.position_m, moment.speed_mps)
-        found = tuple(chain.from_iterable(rule.judge(moment) for rule in self._rules))
+        progress = self._progress.advance_to(moment.position_m)
+        moment.distance_m, self._completed = progress.furthest_m, progress.completed
+        found = (*chain.from_iterable(rule.judge(moment) for rule in self._rules), *self._end(moment))
         self._infractions += found
         self._before, self._ticks = moment, self._ticks + 1
         return found
+
+    def _end(self, moment: Moment) -> Iterator[Infraction]:
+        """Yield what ends the drive, unless it is the goal."""
+        end = self._ending.end_at(moment.state.tick, moment.position_m, moment.speed_mps)
+        if end is not None:
+            self._ended = end[0].value
+            if end[0] is DriveEnd.GOAL:
+                self._completed = 1.0
+            else:
+                yield moment.infraction(InfractionKind(end[0].value), moment.distance_m)
+
+    @property
+    def ended(self) -> str:
+        """Why the drive is over; "" while it goes on."""
+        return self._ended
 
     @property
     def record(self) -> DriveRecord:
@@ -79,8 +95,8 @@ class Referee:
         lanes = self._lanes
         return DriveRecord(
             infractions=tuple(self._infractions),
-            completed=self._progress.completed,
-            ended=self._progress.ended,
+            completed=self._completed,
+            ended=self._ended,
             tick_s=self._tick_s,
             ticks=self._ticks,
             driven_m=lanes.driven_m,

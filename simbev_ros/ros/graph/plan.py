@@ -168,6 +168,8 @@ def _sensor_processes(scenario: Scenario, common: _Parameters, cores: int) -> It
             alike = casting if model in _RAY_CASTING else light
             alike += _nodes_of_agents(scenario, kind, kind, common, shares)
     light += [NodePlan(kind, kind, common) for kind in _box_readers(scenario)]
+    if scenario.drive is not None:
+        light.append(NodePlan("referee", "referee", common))
     apart = [casting] if cores < _MANY_CORES else [[node] for node in casting]
     for together in (*apart, light):
         if together:

@@ -35,6 +35,8 @@ DRIVE_ROUTE = "/drive/route"
 DRIVE_PLAN = "/drive/plan"
 DRIVE_GOAL = "/drive/goal"
 DRIVE_PROGRESS = "/drive/progress"
+DRIVE_EVENTS = "/drive/events"
+DRIVE_SCORE = "/drive/score"
 TF = "/tf"
 TF_STATIC = "/tf_static"
 ROBOT_DESCRIPTION = "/robot_description"
@@ -76,6 +78,16 @@ def _drive_topics(spec: SceneSpec) -> tuple[Topic, ...]:
     """Topics of the world node about the first agent's route."""
     return () if spec.drive is None else _DRIVE
 
+
+def referee_topics(spec: SceneSpec) -> tuple[Topic, ...]:
+    """Topics of the referee: the infractions of the first agent, and its scores up to a tick."""
+    return () if spec.drive is None else _REFEREE
+
+
+_REFEREE = (
+    Topic(DRIVE_EVENTS, "std_msgs/msg/String", sporadic=True),
+    Topic(DRIVE_SCORE, "std_msgs/msg/String", sporadic=True),
+)
 
 _DRIVE = (
     Topic(DRIVE_ROUTE, "nav_msgs/msg/Path", 0),
@@ -143,6 +155,7 @@ def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
         *_WORLD,
         *transform_topics(spec),
         *_drive_topics(spec),
+        *referee_topics(spec),
         *(topic for view in agent_views(spec) for topic in _agent_topics(view, compressed_images)),
         *joint_topics(spec),
     )

@@ -23,7 +23,7 @@ from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.nodes.graph_node import GraphNode
 from simbev_ros.ros.nodes.lifeline import end_with_supervisor
 
-KINDS = ("world", *SENSOR_KINDS, "annotator", "joint", "v2x", "recorder", "evaluator")
+KINDS = ("world", *SENSOR_KINDS, "annotator", "joint", "v2x", "referee", "recorder", "evaluator")
 """Kinds of nodes; each kind of sensor has a node kind of the same name."""
 
 USAGE = f"""\

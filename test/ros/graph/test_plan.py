@@ -11,6 +11,7 @@ from simbev_ros.config.agents import Agent
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.draw import Distribution
+from simbev_ros.config.drive import Drive
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.positioning import Gnss
@@ -131,6 +132,11 @@ def test_a_node_carries_the_messages_between_agents_beside_the_one_that_joins_bo
     assert processes_of(scenario, 2) == ["lidar+radar", f"{LIGHT}+v2x", "annotator"]
     nodes = [node for process in plan_processes(scenario, 1, live=False, dataset=None)[1:] for node in process]
     assert {node.parameters["box_readers"] for node in nodes} == {2}
+
+
+def test_a_drive_has_a_referee_beside_the_light_sensors() -> None:
+    scenario = with_agents(2).model_copy(update={"drive": Drive()})
+    assert processes_of(scenario, 2) == ["lidar+radar", f"{LIGHT}+referee", "annotator"]
 
 
 def test_only_agents_with_lidars_count_for_the_number_of_lidar_nodes() -> None:

@@ -1,4 +1,4 @@
-"""Standstill, too little speed for the traffic, and scenarios that are not passed in time."""
+"""Too little speed for the traffic, and scenarios that are not passed in time."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
-from simbev_ros.evaluation.driving.moment import STANDSTILL_MPS, Moment
+from simbev_ros.evaluation.driving.moment import Moment
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.schema.scene.drive_spec import DriveSpec
+from simbev_ros.schema.scene.route_progress import STANDING_MPS
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, Behavior
 
@@ -30,22 +31,7 @@ class SpeedSums(NamedTuple):
     def ratio_since(self, before: "SpeedSums") -> float | None:
         """Mean speed of the ego divided by that of the traffic since a check; None: there was none that moved."""
         ego, traffic = self.ego - before.ego, self.traffic - before.traffic
-        return ego / traffic if traffic > STANDSTILL_MPS else None
-
-
-class StandstillRule:
-    """Yields once when the ego has stood for as long as ends the drive."""
-
-    def __init__(self, drive: DriveSpec) -> None:
-        self._limit_s, self._standing_ticks = drive.standstill_s, 0
-
-    def judge(self, moment: Moment) -> Iterator[Infraction]:
-        """Yield the standstill."""
-        before_s = self._standing_ticks * moment.tick_s
-        self._standing_ticks = self._standing_ticks + 1 if moment.speed_mps < STANDSTILL_MPS else 0
-        now_s = self._standing_ticks * moment.tick_s
-        if before_s < self._limit_s <= now_s:
-            yield moment.infraction(InfractionKind.BLOCKED, now_s)
+        return ego / traffic if traffic > STANDING_MPS else None
 
 
 class SpeedRule:

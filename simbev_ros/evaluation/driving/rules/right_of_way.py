@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
-from simbev_ros.evaluation.driving.moment import STANDSTILL_MPS, Moment, is_beside_in_height
+from simbev_ros.evaluation.driving.moment import Moment, is_beside_in_height
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.layout import SignKind
+from simbev_ros.schema.scene.route_progress import STANDING_MPS
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, SignalState
 
@@ -96,7 +97,7 @@ class StopSignRule:
             self._slowest_mps[row] = min(slowest.get(row, np.inf), moment.speed_mps)
         before_m = moment.before.position_m[:2]
         for row in self._lines.crossed(moment, moment.position_m[:2], before_m).tolist():
-            if (speed_mps := slowest.get(row, moment.speed_mps)) > STANDSTILL_MPS:
+            if (speed_mps := slowest.get(row, moment.speed_mps)) > STANDING_MPS:
                 yield moment.infraction(InfractionKind.STOP_SIGN, speed_mps, self._lines.lanes[row])
 
 

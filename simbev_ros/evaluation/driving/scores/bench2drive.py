@@ -12,8 +12,8 @@ import numpy as np
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
 from simbev_ros.evaluation.driving.infractions import InfractionKind
 from simbev_ros.evaluation.driving.motion import coefficients, is_comfortable
-from simbev_ros.evaluation.driving.route_tracker import GOAL
 from simbev_ros.evaluation.driving.scores.leaderboard import counted, leaderboard_2_0
+from simbev_ros.schema.scene.route_progress import DriveEnd
 
 
 def bench2drive(drive: DriveRecord) -> dict[str, float | None]:
@@ -29,7 +29,7 @@ def bench2drive(drive: DriveRecord) -> dict[str, float | None]:
     segment = max(1, round(numbers["segment_s"] / drive.tick_s))
     smooth = [comfort[start : start + segment].all() for start in range(0, len(comfort) - segment + 1, segment)]
     return {
-        "success": float(drive.ended == GOAL and is_clean),
+        "success": float(drive.ended == DriveEnd.GOAL and is_clean),
         "driving_score": leaderboard_2_0(lenient)["driving_score"],
         "efficiency": 100.0 * float(np.mean(known)) if known else None,
         "comfortness": 100.0 * float(np.mean(smooth)) if smooth else None,

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
 from simbev_ros.evaluation.driving.infractions import COLLISIONS, Infraction, InfractionKind
-from simbev_ros.evaluation.driving.moment import STANDSTILL_MPS
 from simbev_ros.evaluation.driving.motion import coefficients
+from simbev_ros.schema.scene.route_progress import STANDING_MPS
 
 
 def leaderboard_2_0(drive: DriveRecord) -> dict[str, float]:
@@ -38,7 +38,7 @@ def leaderboard_2_1(drive: DriveRecord) -> dict[str, float]:
 def counted(drive: DriveRecord, table: Mapping[str, float]) -> Iterator[Infraction]:
     """Yield the infractions that a table of coefficients counts."""
     for infraction in drive.infractions:
-        stands = infraction.kind in COLLISIONS and infraction.speed_mps < STANDSTILL_MPS
+        stands = infraction.kind in COLLISIONS and infraction.speed_mps < STANDING_MPS
         if infraction.kind in table and not stands:
             yield infraction
 

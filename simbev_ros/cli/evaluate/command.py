@@ -9,6 +9,7 @@ from typing import Any
 from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
+from simbev_ros.cli.evaluate.drives import evaluate_drives
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.errors import InputError, SimbevError
@@ -19,7 +20,7 @@ from simbev_ros.recording.layout import is_dataset
 
 def evaluate(
     predictions: option.Predictions,
-    dataset: option.DatasetArgument,
+    dataset: option.DatasetArgument = None,
     config: option.Config = None,
     split: option.Split = None,
     scenes: option.Scenes = None,
@@ -45,6 +46,9 @@ def evaluate(
     table covers a part of the data: a false positive counts in every row that its distance and frame belong to, and in
     none beyond the range within which boxes are labeled.
 
+    With a dataset alone, the drives of its scenes are scored as by CARLA's leaderboards 2.0 and 2.1, Bench2Drive and
+    nuPlan; --split, --scenes, --report and --json apply.
+
     If boxes have ids of tracks, there are also tracking metrics: AMOTA, AMOTP, MOTA, MOTP, IDS, FRAG, and HOTA, also in
     the tables by daytime, weather and map.
 
@@ -58,6 +62,8 @@ def evaluate(
 
     simbev evaluate fused.parquet datasets/cars --agent car_2 --truth joint --points 1
 
+    simbev evaluate datasets/drives --report drives.html --json drives.json
+
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --config night.yaml
     """
     from simbev_ros.dataset import open_dataset
@@ -66,9 +72,12 @@ def evaluate(
     from simbev_ros.evaluation.options import options_of
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
 
+    _require_places(report, json_file)
+    if dataset is None:
+        evaluate_drives(predictions, split, scenes, report, json_file)
+        return
     section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
     pool = processes(workers)
-    _require_places(report, json_file)
     with _noticing_swapped(predictions, dataset):
         opened = open_dataset(dataset, threads=1)
         chosen = option.chosen_scenes(opened, split, scenes, agent)

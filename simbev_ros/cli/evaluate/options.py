@@ -31,9 +31,12 @@ _OF_SECTION = {
 _SHOWN_NAMES = 10
 
 Predictions = Annotated[
-    Path, typer.Argument(help="A Parquet, NPZ or MCAP file, a bag, or a folder of them.", show_default=False)
+    Path,
+    typer.Argument(
+        help="A Parquet, NPZ or MCAP file, a bag, or a folder of them; left out: drives are scored.", show_default=False
+    ),
 ]
-DatasetArgument = Annotated[Path, typer.Argument(help="The dataset, or one scene's bag.", show_default=False)]
+DatasetArgument = Annotated[Path | None, typer.Argument(help="The dataset, or one scene's bag.", show_default=False)]
 Config = Annotated[
     str | None,
     typer.Option(help="Configuration file; its section evaluation says what counts, and options replace its fields."),

@@ -1,6 +1,6 @@
 """Draws the tables of an evaluation in the terminal."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -27,9 +27,14 @@ def print_tables(figures: Mapping[str, Any], console: Console) -> None:
     counts = [f"{left_out[name]:,} {words}" for name, words in reasons.items() if left_out.get(name)]
     if counts:
         console.print(f"boxes that do not count: {', '.join(counts)}", soft_wrap=True)
-    for figure_table in evaluation_tables(figures):
+    print_figure_tables(evaluation_tables(figures), console)
+
+
+def print_figure_tables(tables: Iterable[FigureTable], console: Console) -> None:
+    """Print tables; in a file nothing is cut off."""
+    for figure_table in tables:
         table = _draw(figure_table)
-        if not console.is_terminal:  # in a file nothing is cut off
+        if not console.is_terminal:
             unlimited = console.options.update(max_width=_MAX_WIDTH)
             console.width = max(console.width, console.measure(table, options=unlimited).maximum)
         console.print(table)

@@ -1,0 +1,73 @@
+"""``simbev evaluate`` with a dataset alone: the scores of its drives."""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.evaluate import options as option
+from simbev_ros.cli.evaluate.tables import print_figure_tables
+from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.recording.layout import PARTIAL_SUFFIX
+
+if TYPE_CHECKING:
+    from simbev_ros.dataset import Dataset
+
+
+def evaluate_drives(
+    dataset: Path, split: str | None, scenes: str | None, report: Path | None, json_file: Path | None
+) -> None:
+    """Print the scores of the drives of a dataset or a bag, and write them to the files that are asked for.
+
+    Raises:
+        InputError: No scene has a drive.
+        BagError: A bag is damaged.
+    """
+    from simbev_ros.evaluation.driving.figures import mean_figures
+    from simbev_ros.evaluation.driving.recorded_drives import drives_of
+    from simbev_ros.evaluation.driving.tables import drive_tables
+
+    console = make_console(highlight=False)
+    with make_console(stderr=True).status("drives"):
+        opened, unfinished = _opened(dataset)
+        chosen = option.chosen_scenes(opened, split, scenes)
+        drives = drives_of(chosen)
+    if not drives:
+        raise InputError(
+            f"{dataset}: no scene has a route to drive (section drive); predictions come before the dataset"
+        )
+    means = mean_figures([each.figures for each in drives])
+    by_scene: dict[str, Any] = {
+        each.scene: {**each.figures, "events": [event.record() for event in each.infractions]} for each in drives
+    }
+    if json_file is not None:
+        figures = {"dataset": str(dataset), **means, "scenes": by_scene}
+        with write_errors(json_file):
+            write_whole(json_file, json.dumps(figures, indent=2).encode() + b"\n")
+        console.print(f"figures in {json_file}", soft_wrap=True)
+    console.print(plural(len(drives), "drive"))
+    if cut := [each.scene for each in drives if each.scene in unfinished]:
+        console.print(f"scored up to their last tick, as their scenes failed: {', '.join(cut)}", soft_wrap=True)
+    print_figure_tables(drive_tables(drives, means), console)
+    if report is not None:
+        from simbev_ros.show.reports.drive_report import write_drive_report
+
+        with make_console(stderr=True).status("report"):
+            write_drive_report(report, dataset.resolve().name, chosen, drives, means)
+        console.print(f"report in {report}", soft_wrap=True)
+
+
+def _opened(path: Path) -> "tuple[Dataset, frozenset[str]]":
+    """A dataset with the scenes that failed as well, and their names; their drives have scores, too."""
+    from simbev_ros.dataset import Dataset, open_dataset
+
+    opened = open_dataset(path, threads=1)
+    scenes = {scene.name: scene for scene in opened.scenes}
+    finished = {*scenes}
+    for bag in sorted(path.glob(f"scenes/*/*{PARTIAL_SUFFIX}")):
+        with suppress(SimbevError):
+            scene = open_dataset(bag, threads=1).scenes[0]
+            scenes.setdefault(scene.name, scene)
+    return Dataset(opened.path, [*scenes.values()]), frozenset(scenes.keys() - finished)

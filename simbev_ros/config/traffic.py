@@ -60,6 +60,16 @@ class Traffic(Model):
     emergency_lights_probability: float = Field(
         0.5, ge=0, le=1, description="probability that an emergency vehicle has its lights on"
     )
+    yield_to_emergency: bool | None = Field(
+        None,
+        description="traffic makes way for vehicles with emergency lights, which pass red lights; none: in a drive",
+    )
+    wrecks_cleared_s: float | None = Field(
+        None,
+        ge=10,
+        le=3000,
+        description="time after which wrecks, but for those of agents, are removed; none: never, in a drive after 30 s",
+    )
     door_probability: float = Field(0.1, ge=0, le=1, description="probability that a stationary vehicle opens doors")
     pedestrian_max_speed_mps: Annotated[Drawn, within(0.8, 12)] = Field(
         Distribution(lognormal=(0.16, 0.64), min=0.8, max=8),

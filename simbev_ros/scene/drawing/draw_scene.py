@@ -107,6 +107,8 @@ def draw_scene(
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         parked_density=sample(scenario.traffic.parked.density, stream(seed, "parked.density")),
         resting_share=scenario.traffic.resting_share,
+        yields_to_emergency=bool(scenario.traffic.yield_to_emergency),
+        wrecks_cleared_s=scenario.traffic.wrecks_cleared_s,
         hazards=hazards.hazards,
         drive=drive,
         datum=datum_spec(network.datum),

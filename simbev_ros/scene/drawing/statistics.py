@@ -22,7 +22,7 @@ _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twi
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors", "frames", "base_link_x_m"),
-    *("agents", "v2x", "stands_at", "blocked", "outline_m", "z_m", "props"),
+    *("agents", "v2x", "stands_at", "blocked", "outline_m", "z_m", "props", "yields_to_emergency", "wrecks_cleared_s"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 

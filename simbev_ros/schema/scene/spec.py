@@ -159,6 +159,15 @@ class SceneSpec(Stored):
     resting_share: float = Field(
         0.0, ge=0, le=1, exclude_if=lambda value: not value, description="people who rest, per pedestrian nearby"
     )
+    yields_to_emergency: bool = Field(
+        False, exclude_if=lambda value: not value, description="traffic makes way for vehicles with blue lights"
+    )
+    wrecks_cleared_s: float | None = Field(
+        None,
+        ge=10,
+        exclude_if=lambda value: value is None,
+        description="time from a collision to the removal of wrecks",
+    )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     drive: DriveSpec | None = Field(
         None, exclude_if=lambda value: value is None, description="the first agent's route; none: it has none"

@@ -37,6 +37,7 @@ from simbev_ros.simulation.world.props import prop_obstacles, prop_rows
 from simbev_ros.simulation.world.resting import resting_obstacles, resting_people
 from simbev_ros.simulation.world.sumo.traffic import TrafficSample
 from simbev_ros.simulation.world.table import ActorTable
+from simbev_ros.simulation.world.wrecks import Wrecks
 
 _LOGGER = logging.getLogger(__name__)
 _HALF_WINDOW_S = 0.35
@@ -94,6 +95,8 @@ class Actors:
         obstacles = np.concatenate([obstacles, props, resting_obstacles(self._resting, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
         self._ids: Int64Array = np.append(cast.rows["id"][cast.rows["parent"] == 0], self._parked.rows["id"])
+        self._point = cast.bodies.point
+        self._wrecks = Wrecks(spec, population, cast.bodies)
         self._towing, self._towed = cast.bodies.towing, cast.bodies.towed
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._leading = LeadingPoints(
@@ -140,10 +143,14 @@ class Actors:
         motion = self._motion.advance_motion(points, self._leading.axle_m)
         self.events = self._coming_events  # collisions that are detected now belong to the next table
         self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
+        removed = self._wrecks.removed.copy()  # those that are removed now are not in the next table
+        if len(due := self._wrecks.due(crashed)):
+            self._motion.collisions.remove(due)
         self._hold_crashed()
         doors = self._doors.advance_doors(sample.front_m, step)
         signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
         moving = self._table.fill(motion, signals, doors, self._jaywalking[0], step)
+        moving = moving[~removed[self._point]] if removed.any() else moving
         # without a dtype, NumPy would promote the columns one by one
         still = (self._props, self._parked.rows_at(step, moving), self._resting)
         return np.concatenate([moving, *still], dtype=moving.dtype)

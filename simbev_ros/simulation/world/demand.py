@@ -50,6 +50,7 @@ _IGNORING: dict[Ignored, dict[str, str]] = {
     "lights": {"jmDriveAfterRedTime": _FOREVER_S, "jmDriveAfterYellowTime": _FOREVER_S},
     "signs": {"jmStopSignWait": "0", "jmAllwayStopWait": "0"},
 }
+_OF_EMERGENCY: frozenset[Ignored] = frozenset({"lights", "signs", "vehicles"})
 
 
 class Demand(NamedTuple):
@@ -83,9 +84,12 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route.edges)
-        element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route.edges, start_m)
-        if not vehicle.reckless and (ignored := _ignored_types(spec, vehicle)):
+        ignores = _ignored(spec, vehicle)
+        element = _add_vehicle(root, vehicle_name(index), vehicle, ignores, rain, route.edges, start_m)
+        if not vehicle.reckless and (ignored := _ignored_types(spec, ignores)):
             ElementTree.SubElement(element, "param", {"key": "junctionModel.ignoreTypes", "value": " ".join(ignored)})
+        if _has_way(spec, vehicle):  # the others change lanes
+            root[-2].attrib |= {"lcSpeedGain": "0", "lcKeepRight": "0", "lcCooperative": "0"}
         if route.ends:
             ElementTree.SubElement(element, "stop", {"edge": route.edges[-1], "duration": _FOREVER_S})
     itineraries = Itineraries(network, spec.hazards, plazas)
@@ -118,6 +122,7 @@ def _add_vehicle(
     root: ElementTree.Element,
     name: str,
     vehicle: VehicleSpec,
+    ignored: Set[Ignored],
     rain: RainEffect,
     route: tuple[str, ...],
     start_m: float,
@@ -143,7 +148,7 @@ def _add_vehicle(
     }
     behavior: dict[str, str] = {}
     for what, attributes in _IGNORING.items():
-        behavior |= attributes if what in vehicle.ignored else {}
+        behavior |= attributes if what in ignored else {}
     ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **(_RECKLESS if vehicle.reckless else behavior)})
     start = {
         "depart": "0",
@@ -157,14 +162,21 @@ def _add_vehicle(
     return element
 
 
-def _ignored_types(spec: SceneSpec, vehicle: VehicleSpec) -> list[str]:
+def _ignored(spec: SceneSpec, vehicle: VehicleSpec) -> Set[Ignored]:
+    """What SUMO's driver ignores on junctions; for emergency vehicles, others make way there."""
+    return vehicle.ignored | _OF_EMERGENCY if _has_way(spec, vehicle) else vehicle.ignored
+
+
+def _has_way(spec: SceneSpec, vehicle: VehicleSpec) -> bool:
+    """Whether the others make way for a vehicle."""
+    return spec.yields_to_emergency and vehicle.emergency_lights
+
+
+def _ignored_types(spec: SceneSpec, ignored: Set[Ignored]) -> list[str]:
     """Types of vehicles and pedestrians that a driver ignores on junctions."""
     kinds = {"vehicles": (vehicle_name, spec.drivers), "pedestrians": (pedestrian_name, spec.pedestrians)}
     return [
-        name_of(index)
-        for what, (name_of, actors) in kinds.items()
-        if what in vehicle.ignored
-        for index in range(len(actors))
+        name_of(index) for what, (name_of, actors) in kinds.items() if what in ignored for index in range(len(actors))
     ]
 
 

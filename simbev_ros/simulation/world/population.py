@@ -80,3 +80,10 @@ class Population:
             self.sumo.hold_crashed(body, front_m, yaw_rad)
         elif body >= len(self.vehicles):
             self.sumo.hold_crashed(body - len(self.vehicles) + self.sumo_vehicle_count, front_m, yaw_rad)
+
+    def clear_crashed(self, body: int) -> None:
+        """Take an actor off the roads as in ``SumoTraffic.clear_crashed``; SUMO does not know standing vehicles."""
+        if body < self.sumo_vehicle_count:
+            self.sumo.clear_crashed(body)
+        elif body >= len(self.vehicles):
+            self.sumo.clear_crashed(body - len(self.vehicles) + self.sumo_vehicle_count)

@@ -30,6 +30,7 @@ from simbev_ros.schema.scene.state import EGO_ID, SignalState, WorldState
 from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.making_way import MakingWay
 from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
 from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
@@ -109,6 +110,7 @@ class Simulation:
             self._turning_room = self._turning_room_on(network)
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
+            self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
             self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
         except BaseException:
             self.close()
@@ -126,6 +128,11 @@ class Simulation:
             lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
         }
         return TurningRoom(turns, lengths_m, self._vehicle_lengths_m(), self._sumo)
+
+    def _have_way(self) -> list[bool]:
+        """Whether the others make way for each of SUMO's vehicles."""
+        vehicles = (self._spec.vehicles[index] for index in self._sumo.vehicles)
+        return [self._spec.yields_to_emergency and vehicle.emergency_lights for vehicle in vehicles]
 
     def _vehicle_lengths_m(self) -> Float64Array:
         """(V,) lengths of SUMO's vehicles."""
@@ -166,6 +173,7 @@ class Simulation:
             self._hold_in_warm_up(tick)
             self._turning_room.hold_back()
             self._speed_bumps.slow_down()
+            self._making_way.make_way()
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:

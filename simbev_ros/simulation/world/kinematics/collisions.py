@@ -20,6 +20,7 @@ _BISECTION_STEPS = 8  # halvings of the tick of an impact: 4 mm for a step of 1 
 _MOMENTUM_SWEEPS = 8  # sweeps over all contacts of a tick, until bodies pushed by each other share one velocity
 _MAX_DRIFT_M = 1.5  # along each axis, between two searches for bodies near each other
 _NONE = np.zeros((0, 2), np.int64)
+_REMOVED_M = 1000.0
 _MAX_EXACT_ROUNDS = 4  # rounds of consequential impacts within a tick; bodies that touch later stay where they were
 
 
@@ -117,6 +118,12 @@ class Collisions:
         self._last_step_m = position_m - self._position_m
         self._position_m, self._rpy_rad = position_m, rpy_rad
         return position_m, rpy_rad
+
+    def remove(self, bodies: Int64Array) -> None:
+        """Take (K,) bodies that have collided out of everybody's way, far below the ground; they never come back."""
+        self._position_m = self._position_m.copy()
+        self._position_m[bodies, 2] -= _REMOVED_M
+        self._velocity_mps[bodies] = 0.0
 
     def _touching_pairs(self, position_m: Float64Array, rpy_rad: Float64Array) -> Int64Array:
         """The touching pairs among those that were near each other at the latest search."""

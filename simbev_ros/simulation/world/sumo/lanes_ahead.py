@@ -23,6 +23,7 @@ class LanesAhead:
         """For vehicles with these SUMO names, on tracks that contain all their lanes."""
         self.next_edges = [""] * len(names)
         self._names = names
+        self._removed: set[int] = set()
         self._tracks = tracks
         self._lanes = [""] * len(names)
         self._row = np.zeros((len(names), _MAX_LANES), np.int64)
@@ -36,8 +37,13 @@ class LanesAhead:
         self._steps += 1
         self._position_m, self._left_m = position_m, left_m
         for vehicle, lane in enumerate(lanes):
-            if lane != self._lanes[vehicle] or (self._steps + vehicle) % _REFRESH_TICKS == 0:
+            is_due = lane != self._lanes[vehicle] or (self._steps + vehicle) % _REFRESH_TICKS == 0
+            if is_due and vehicle not in self._removed:
                 self._update_lanes(vehicle, lane)
+
+    def remove(self, vehicle: int) -> None:
+        """Keep the path of a vehicle that has left the simulation."""
+        self._removed.add(vehicle)
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of N fronts after (N, K) distances, (N, K) further left in their lanes than now."""

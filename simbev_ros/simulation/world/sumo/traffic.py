@@ -15,6 +15,7 @@ from simbev_ros.simulation.world.driving.turning_room import RouteProgress
 from simbev_ros.simulation.world.sumo import vehicle_routes
 from simbev_ros.simulation.world.sumo.closures import CLOSURE
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
+from simbev_ros.simulation.world.sumo.lanes_beside import other_lane
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
 from simbev_ros.simulation.world.sumo.signals import PhaseChange
@@ -36,6 +37,7 @@ _MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
 )  # gap to a closure beyond minGap; shortening per call, and in all
 _STANDING_MPS = 0.05
 _FOREVER_S = 1e8
+_CHANGE_S = 5.0
 _ANY_ARRIVAL_M = 1.0
 _AXES = 3
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
@@ -114,6 +116,7 @@ class SumoTraffic:
         self._driven: dict[str, tuple[dict[int, Any], Float64Array, Float64Array]] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
         self._off_net: dict[str, dict[int, Any]] = {}
+        self._cleared: set[str] = set()  # wrecks that have left the simulation
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         self._latest_points: dict[int, tuple[float, float, float]] = {}
@@ -206,6 +209,22 @@ class SumoTraffic:
         libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
         self._has_pending_move = True
 
+    def clear_crashed(self, body: int) -> None:
+        """Take an actor that is held after a collision off the roads, so that it blocks nobody.
+
+        Args:
+            body: Index among the vehicles, then pedestrians.
+        """
+        if body >= len(self.vehicles):
+            if self._pedestrian_names[body - len(self.vehicles)] not in self._off_net:
+                self.remove_pedestrian(body - len(self.vehicles))
+            return
+        name = self._vehicle_names[body]
+        self._cleared.add(name)
+        self._lanes_ahead.remove(body)
+        libsumo.vehicle.unsubscribe(name)
+        libsumo.vehicle.remove(name)
+
     def move_vehicle(self, vehicle: int, front_m: Float64Array, axle_m: Float64Array) -> None:
         """Move a vehicle to a pose at the next step, on a road or off it, unless it has crashed.
 
@@ -261,10 +280,21 @@ class SumoTraffic:
             braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._step_s)
             libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
 
+    def leave_lane(self, vehicle: int) -> bool:
+        """Let a vehicle change lanes within some seconds; returns whether its edge has another lane for it."""
+        name = self._vehicle_names[vehicle]
+        if name in self._crashed or name in self._driven:
+            return False
+        lane = other_lane(name)
+        if lane is not None:
+            libsumo.vehicle.changeLane(name, lane, _CHANGE_S)
+        return lane is not None
+
     def ignore_at_junctions(self, vehicle: int, others: Iterable[int]) -> None:
         """Let a vehicle pass junctions regardless of these others (indices in ``vehicles``), and of no one else."""
         names = " ".join(self._vehicle_names[other] for other in others)
-        libsumo.vehicle.setParameter(self._vehicle_names[vehicle], "junctionModel.ignoreIDs", names)
+        if (name := self._vehicle_names[vehicle]) not in self._cleared:
+            libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", names)
 
     def shorten_closures(self) -> None:
         """Shorten closures a little where a vehicle waits close behind them, halfway onto the next lane.
@@ -280,16 +310,21 @@ class SumoTraffic:
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
-        return float(libsumo.vehicle.getSpeed(self._vehicle_names[vehicle]))
+        name = self._vehicle_names[vehicle]
+        return 0.0 if name in self._cleared else float(libsumo.vehicle.getSpeed(name))
 
     def direction(self, vehicle: int) -> Float64Array:
-        """(2,) unit vector of a vehicle's heading."""
+        """(2,) unit vector of a vehicle's heading; of a removed wreck, that of the map's y axis."""
+        if self._vehicle_names[vehicle] in self._cleared:
+            return np.array([0.0, 1.0])
         angle_rad = np.radians(libsumo.vehicle.getAngle(self._vehicle_names[vehicle]))
         return np.array([np.sin(angle_rad), np.cos(angle_rad)])
 
     def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
         """Driving distance of a vehicle to SUMO's position on an edge; infinite if its route does not lead there."""
-        distance_m = libsumo.vehicle.getDrivingDistance(self._vehicle_names[vehicle], edge, position_m)
+        if (name := self._vehicle_names[vehicle]) in self._cleared:
+            return np.inf
+        distance_m = libsumo.vehicle.getDrivingDistance(name, edge, position_m)
         return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
 
     def remove_pedestrian(self, pedestrian: int) -> None:
@@ -360,13 +395,14 @@ class SumoTraffic:
 
     def adapt_driver(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
         """Set a driver's desired speed, relative to the limit, and headway."""
-        libsumo.vehicle.setSpeedFactor(self._vehicle_names[vehicle], speed_factor)
-        libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
+        if (name := self._vehicle_names[vehicle]) not in self._cleared:
+            libsumo.vehicle.setSpeedFactor(name, speed_factor)
+            libsumo.vehicle.setTau(name, headway_s)
 
     def ending_routes(self) -> list[tuple[int, str]]:
         """Vehicles (indices in ``vehicles``) with routes that end soon, each with the last edge of its route."""
-        last_edges = [(row, vehicle_routes.ending_edge(name)) for row, name in enumerate(self._vehicle_names)]
-        return [(row, edge) for row, edge in last_edges if edge and self._vehicle_names[row] not in self._crashed]
+        driving = [(row, name) for row, name in enumerate(self._vehicle_names) if name not in self._crashed]
+        return [(row, edge) for row, name in driving if (edge := vehicle_routes.ending_edge(name))]
 
     def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
         """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""

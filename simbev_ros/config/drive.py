@@ -8,6 +8,7 @@ from pydantic import Discriminator, Field, Tag, field_validator
 from simbev_ros.config.agents import Ego
 from simbev_ros.config.base import FieldError, Keys, Model
 from simbev_ros.config.draw import Drawn, within
+from simbev_ros.config.drive_events import Events
 from simbev_ros.config.places import SpawnPose
 
 MAX_ROUTE_M = 20_000.0
@@ -64,6 +65,7 @@ class Drive(Model):
     timeout_s: float | None = Field(
         None, gt=0, le=3000, description="time from tick 0 that ends the drive; none: `time.duration_s` alone"
     )
+    events: Events | None = Field(None, description="what happens along the route; none: nothing that is not traffic")
 
     @field_validator("route", mode="before")
     @classmethod

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
@@ -24,6 +24,7 @@ from simbev_ros.schema.scene.spec import DatumSpec, SceneSpec
 
 SEEDS_PER_DRAW = 1 << 32
 """Distance between the seeds of two draws of a scene; more than the largest seed and number together."""
+_CLEARED_S = 30.0  # time after which wrecks are removed in a drive
 
 
 class PlannedScene(NamedTuple):
@@ -107,8 +108,7 @@ def draw_scene(
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         parked_density=sample(scenario.traffic.parked.density, stream(seed, "parked.density")),
         resting_share=scenario.traffic.resting_share,
-        yields_to_emergency=bool(scenario.traffic.yield_to_emergency),
-        wrecks_cleared_s=scenario.traffic.wrecks_cleared_s,
+        **_manners(scenario),
         hazards=hazards.hazards,
         drive=drive,
         datum=datum_spec(network.datum),
@@ -116,6 +116,22 @@ def draw_scene(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))
             for program in starts.signal_programs or ("",)
         ),
+    )
+
+
+class _Manners(TypedDict):
+    """Fields of a scene that say how traffic deals with emergencies and accidents."""
+
+    yields_to_emergency: bool
+    wrecks_cleared_s: float | None
+
+
+def _manners(scenario: Scenario) -> _Manners:
+    """How traffic deals with emergencies and accidents; what the configuration leaves open depends on the drive."""
+    traffic, drives = scenario.traffic, scenario.drive is not None
+    return _Manners(
+        yields_to_emergency=drives if traffic.yield_to_emergency is None else traffic.yield_to_emergency,
+        wrecks_cleared_s=_CLEARED_S if traffic.wrecks_cleared_s is None and drives else traffic.wrecks_cleared_s,
     )
 
 

@@ -10,7 +10,7 @@ import shapely
 
 from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.latest_value import LatestValue
-from simbev_ros.foundation.types import Int64Array, Table
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Layout
@@ -86,6 +86,7 @@ class Actors:
         self._excursions = Excursions(spec, excursions, population, sample.front_m)
         pedestrian_m, directions[vehicles:] = self._excursions.start_poses(sample.pedestrian_m, directions[vehicles:])
         sample = replace(sample, pedestrian_m=pedestrian_m)
+        self._pedestrian_start_m = pedestrian_m
         self._ground = _ground(spec, network, sample)
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
         first_parked_id = first_prop_id(spec) + len(self._props)
@@ -154,6 +155,19 @@ class Actors:
         # without a dtype, NumPy would promote the columns one by one
         still = (self._props, self._parked.rows_at(step, moving), self._resting)
         return np.concatenate([moving, *still], dtype=moving.dtype)
+
+    def hold_pedestrian(self, row: int) -> Float64Array:
+        """Let a pedestrian stand where it starts, off SUMO's network; returns this (3,) position."""
+        self._excursions.hold(row, self._pedestrian_start_m[row])
+        return self._pedestrian_start_m[row]
+
+    def walk_across(self, row: int, goal_m: tuple[float, float]) -> None:
+        """Let a held pedestrian walk straight to a position, heedless of vehicles."""
+        self._excursions.walk_across(row, np.array(goal_m))
+
+    def open_doors(self, vehicle: int, doors: int) -> None:
+        """Open doors of a vehicle that stands for the whole scene, given as bits."""
+        self._doors.open_for_good(vehicle, doors)
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)

@@ -133,8 +133,13 @@ class LeadingPoints:
         desired_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         axle_m = self.axle_m[: len(point_m)]
         may_reverse = ~np.isnan(axle_m[:, 0]) | (back_m > 0.0)
-        desired_m = self._vehicle_avoidance.avoid_paths(
-            point_m, axle_m, may_reverse, self._pursuing_points.position_m, desired_m, self._tick_s
+        heedless = self._excursions.heedless[:, None]
+        desired_m = np.where(
+            heedless,
+            desired_m,
+            self._vehicle_avoidance.avoid_paths(
+                point_m, axle_m, may_reverse, self._pursuing_points.position_m, desired_m, self._tick_s
+            ),
         )
         self._vehicle_avoidance.rest_crashed(*self._wrecks)
         pedestrian_m = self._vehicle_avoidance.avoid_bodies(

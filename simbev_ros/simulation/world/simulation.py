@@ -35,6 +35,7 @@ from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
 from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
 from simbev_ros.simulation.world.driving.turning_room import TurningRoom
+from simbev_ros.simulation.world.events.route_events import EventRecord, RouteEvents
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
@@ -112,6 +113,9 @@ class Simulation:
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
             self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
             self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
+            self._route_events = RouteEvents(
+                spec, self._population, self._actors, self.weather, lambda: self._steps - spec.warm_up_ticks + 1
+            )
         except BaseException:
             self.close()
             raise
@@ -120,6 +124,11 @@ class Simulation:
     def available(self) -> tuple[int, str]:
         """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
+
+    @property
+    def event_records(self) -> tuple[EventRecord, ...]:
+        """When each event along the route of the first agent has begun and ended so far."""
+        return self._route_events.records
 
     def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
         """Rules for turning round at the ends of a map's roads."""
@@ -183,7 +192,9 @@ class Simulation:
             self._sumo.shorten_closures()
             if not self.weather.is_constant:
                 self._adapt_to_rain(tick)
-        actors = self._actors.advance_actors(self._population.sample(), self._steps)
+        sample = self._population.sample()
+        actors = self._actors.advance_actors(sample, self._steps)
+        self._route_events.advance(sample.front_m)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(tick),
             tick=tick,

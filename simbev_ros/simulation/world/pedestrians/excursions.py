@@ -26,7 +26,11 @@ _MAX_LATERAL_M = 3.0
 
 
 class Excursions:
-    """All excursions of pedestrians in a scene."""
+    """All excursions of pedestrians in a scene.
+
+    Attributes:
+        heedless: (P,) whether each pedestrian does not look out for vehicles.
+    """
 
     def __init__(
         self,
@@ -56,6 +60,7 @@ class Excursions:
         self._jaywalks = Jaywalks(spec, population, front_m)
         self._pedestrian_m: Float64Array = np.zeros((len(pedestrians), 3))
         self._walkers: dict[int, tuple[FreeWalker, Iterator[None]]] = {}
+        self.heedless: BoolArray = np.zeros(len(pedestrians), bool)
         self._visits: dict[int, PlazaVisit] = {}
         for row, legs in self._legs.items():
             if legs[0].starts_at_stop and isinstance(visit := legs[0].excursion, PlazaVisit):
@@ -63,6 +68,18 @@ class Excursions:
         self._plan_departures()
         self._pauses, self._steps = Pauses(spec, population), 0
         self._pauses.advance_pauses(0, self._walkers, np.zeros(len(pedestrians), bool))
+
+    def hold(self, row: int, position_m: Float64Array) -> None:
+        """Let a pedestrian stand at a (3,) position, off the network, until it is told to ``walk_across``."""
+        walker = FreeWalker(position_m, self._speed_mps[row], self._half_length_m[row], self._tick_s)
+        self._walkers[row] = walker, iter(())
+        self._sumo.remove_pedestrian(row)
+
+    def walk_across(self, row: int, goal_m: Float64Array) -> None:
+        """Let a held pedestrian walk straight to a (2,) position, heedless of vehicles, and stay there."""
+        walker, _ = self._walkers[row]
+        self._walkers[row] = walker, walker.walk_to(np.append(goal_m, walker.position_m[2]))
+        self.heedless[row] = self._jaywalks.is_crossing[row] = True
 
     @property
     def jaywalking(self) -> BoolArray:

@@ -12,7 +12,9 @@ from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.simulation.world.driving.turning_room import RouteProgress
+from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 from simbev_ros.simulation.world.sumo import vehicle_routes
+from simbev_ros.simulation.world.sumo.arc_ahead import arc_ahead_m, curvature_per_m
 from simbev_ros.simulation.world.sumo.closures import CLOSURE
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.simulation.world.sumo.lanes_beside import other_lane
@@ -26,6 +28,9 @@ _POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
 _NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks except for comfortable deceleration
+_HEEDS_LEADERS = 1 + 32  # speed mode: a safe gap, no right of way
+_CHANGES_LANES = 1621  # SUMO's default lane change mode
+_FORCED_LATERAL_MPS, _FORCED_LATERAL_MPS2 = 1.8, "3"
 _ON_ROUTE = 1  # mode of moveToXY: on the vehicle's route
 _EMERGENCY_MPS2 = 8.0
 _QUEUE_GAP_M = 5.0
@@ -114,8 +119,11 @@ class SumoTraffic:
         self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
         self._crashed: dict[str, dict[int, Any]] = {}
         self._driven: dict[str, tuple[dict[int, Any], Float64Array, Float64Array]] = {}
+        self._curvature_per_m: dict[str, float] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
         self._off_net: dict[str, dict[int, Any]] = {}
+        self._flashing: set[int] = set()
+        self._commanded: set[str] = set()  # vehicles whose speed is given
         self._cleared: set[str] = set()  # wrecks that have left the simulation
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
@@ -158,10 +166,12 @@ class SumoTraffic:
             for name, (_, *driven_m) in self._driven.items():
                 vehicle = self._vehicle_names.index(name)
                 front_m[vehicle], axle_m[vehicle] = driven_m
+            signals = np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64)
+            signals[list(self._flashing)] |= HAZARD_LIGHTS
             return TrafficSample(
                 front_m,
                 axle_m,
-                np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
+                signals,
                 _point_array(self._pedestrian_points(pedestrians)),
             )
         except KeyError as error:
@@ -181,10 +191,9 @@ class SumoTraffic:
         They lie (N, K) further to the left of their lanes' center lines than now.
         """
         positions_m = self._lanes_ahead.ahead_m(vehicle, distance_m, left_m)
-        for name, (_, driven_m, _) in self._driven.items():  # no route: its driver decides
-            row = self._vehicle_names.index(name)
-            ahead = np.array([*self.direction(row), 0.0])
-            positions_m[vehicle == row] = driven_m + distance_m[vehicle == row][..., None] * ahead
+        for name, (_, front_m, axle_m) in self._driven.items():  # no route: its driver decides
+            chosen = vehicle == self._vehicle_names.index(name)
+            positions_m[chosen] = arc_ahead_m(front_m, axle_m, self._curvature_per_m[name], distance_m[chosen])
         return positions_m
 
     def hold_crashed(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
@@ -239,7 +248,8 @@ class SumoTraffic:
         name = self._vehicle_names[vehicle]
         if name in self._crashed:
             return
-        row, before_m, _ = self._driven.get(name, ({}, front_m, axle_m))
+        row, before_m, axle_before_m = self._driven.get(name, ({}, front_m, axle_m))
+        self._curvature_per_m[name] = curvature_per_m(before_m, axle_before_m, front_m, axle_m)
         self._driven[name] = row or dict(libsumo.vehicle.getSubscriptionResults(name)), front_m, axle_m
         ahead_m = (front_m - axle_m)[:2]
         try:
@@ -273,12 +283,43 @@ class SumoTraffic:
         limits_mps.pop(reason, None)
         if speed_mps is not None:
             limits_mps[reason] = speed_mps
-        if name not in self._crashed and name not in self._driven:
+        if name not in self._crashed and name not in self._driven and name not in self._commanded:
             min_limit_mps = min(limits_mps.values(), default=np.inf)
             speed_mps = libsumo.vehicle.getSpeed(name)
             # SUMO takes a given speed as the desired one even if its driver would be slower.
             braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._step_s)
             libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
+
+    def command_speed(self, vehicle: int, speed_mps: float | None, heeds_leaders: bool = False) -> None:
+        """Give a vehicle its speed at the next step; None: its driver drives again.
+
+        It keeps its lane, yields to nobody in junctions, and brakes for those ahead on its lane only if it
+        ``heeds_leaders``.
+        """
+        name = self._vehicle_names[vehicle]
+        if name in self._crashed or name in self._driven:
+            return
+        if speed_mps is None:
+            self._commanded.discard(name)
+            mode = _BRAKES_HARD
+        else:
+            self._commanded.add(name)
+            mode = _HEEDS_LEADERS if heeds_leaders else _NO_CHECKS
+        libsumo.vehicle.setSpeedMode(name, mode)
+        libsumo.vehicle.setLaneChangeMode(name, _CHANGES_LANES if speed_mps is None else 0)
+        libsumo.vehicle.setSpeed(name, -1.0 if speed_mps is None else speed_mps)
+
+    def force_aside(self, vehicle: int, left_m: float) -> None:
+        """Let a vehicle whose speed is given move to the left at once, on other lanes too, regardless of others."""
+        name = self._vehicle_names[vehicle]
+        if name not in self._crashed:
+            libsumo.vehicle.setMaxSpeedLat(name, _FORCED_LATERAL_MPS)
+            libsumo.vehicle.setParameter(name, "laneChangeModel.lcAccelLat", _FORCED_LATERAL_MPS2)
+            libsumo.vehicle.changeSublane(name, self._left_sign * left_m)
+
+    def flash_hazard_lights(self, vehicle: int) -> None:
+        """Switch both blinkers of a vehicle on for good."""
+        self._flashing.add(vehicle)
 
     def leave_lane(self, vehicle: int) -> bool:
         """Let a vehicle change lanes within some seconds; returns whether its edge has another lane for it."""

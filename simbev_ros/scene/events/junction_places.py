@@ -1,0 +1,232 @@
+"""Places for events in the junctions of a route: where the paths of others cross it or join it."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.maps.network import Lane, RoadNetwork, paths_beyond
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.scene.events.route_line import Place, RouteLine
+from simbev_ros.schema.scene.drive_spec import Command
+from simbev_ros.schema.scene.spec import WaypointSpec
+
+_MEETS_M = 0.8
+_START_M, _MIN_START_M = 25.0, 8.0  # from the stop line back to where the other starts
+_CYCLIST_M = 1.15  # from the center line to a cyclist at the edge of a lane, as SUMO aligns it
+_RING_M, _RING_EDGES = 260.0, 3
+_STRAIGHT_RAD, _OPPOSITE_RAD = 0.6, 2.6
+
+
+class _Crossing(NamedTuple):
+    """The path of a route and that of another vehicle through one junction.
+
+    Attributes:
+        entry: The route's lane before the junction.
+        exit: The route's lane after it.
+        command: The route's maneuver.
+        other: The other's lane before the junction.
+        line_m: (K, 3) its path through it.
+        out: Its lane after it.
+        at_m: Distance along the route where they meet.
+        beyond_m: Distance of this point from the other's stop line.
+        angle_rad: Angle between the two there.
+        towards_rad: Angle between the two before the junction.
+        turn_rad: Angle by which the other turns.
+    """
+
+    entry: Lane
+    exit: Lane
+    command: Command
+    other: Lane
+    line_m: Float64Array
+    out: Lane
+    at_m: float
+    beyond_m: float
+    angle_rad: float
+    towards_rad: float
+    turn_rad: float
+
+
+def red_light(route: RouteLine) -> Iterator[Place]:
+    """Junctions with traffic lights for both, where the path of another one crosses at a steep angle."""
+    signalled = {signal.lane for signal in route.network.signals}
+    yield from _places(
+        route,
+        lambda way: (
+            {way.entry.id, way.other.id} <= signalled
+            and 0.9 < way.angle_rad < 2.3
+            and 0.9 < way.towards_rad < 2.3
+            and way.turn_rad < _STRAIGHT_RAD
+        ),
+    )
+
+
+def left_turn(route: RouteLine) -> Iterator[Place]:
+    """Left turns across the path of those who come from the opposite direction."""
+    yield from _places(
+        route,
+        lambda way: (
+            way.command is Command.LEFT
+            and way.towards_rad > _OPPOSITE_RAD
+            and way.turn_rad < _STRAIGHT_RAD
+            and way.out.edge != way.exit.edge
+        ),
+    )
+
+
+def merge(route: RouteLine) -> Iterator[Place]:
+    """Junctions where another lane joins that of the route, except for roundabouts."""
+    yield from _places(
+        route,
+        lambda way: (
+            way.out.id == way.exit.id
+            and way.angle_rad < 1.0
+            and way.towards_rad < _OPPOSITE_RAD
+            and not _is_ring(way.out, route.network)
+        ),
+    )
+
+
+def roundabout(route: RouteLine) -> Iterator[Place]:
+    """Entries of roundabouts, with others on the ring."""
+    yield from _places(
+        route,
+        lambda way: (
+            _is_ring(way.exit, route.network)
+            and _is_ring(way.other, route.network)
+            and not _is_ring(way.entry, route.network)
+        ),
+    )
+
+
+def right_turn(route: RouteLine) -> Iterator[Place]:
+    """Turns to the outer side of the road, across the path of cyclists who go on at the edge of the same lane."""
+    for entry, exit_lane, command, rows in _junctions(route):
+        side = {Command.RIGHT: -1.0, Command.LEFT: 1.0}.get(command, 0.0)
+        outermost = min(
+            (lane.index for lane in route.network.lanes_of_edge(entry.edge) if lane.kind is LaneKind.DRIVING),
+            default=-1,
+        )
+        if not side or entry.index != outermost or "bicycle" not in entry.classes:
+            continue
+        for path in paths_beyond(entry, route.network.lanes):
+            line_m = _line_m(route.network, path)
+            way = _meet(route, entry, exit_lane, command, rows, entry, _beside(line_m, side * _CYCLIST_M), path)
+            if way is not None and way.turn_rad < _STRAIGHT_RAD and way.out.edge != exit_lane.edge:
+                yield _place(way)
+
+
+def _places(route: RouteLine, suits: Callable[[_Crossing], bool]) -> Iterator[Place]:
+    """Places at the crossings that suit, with others who start on lanes off the route."""
+    own = {route.network.lanes[name].edge for name in route.spec.lane}
+    for entry, exit_lane, command, rows in _junctions(route):
+        junction = route.network.lanes[route.spec.lane[rows.start]].junction
+        for other in route.network.lanes_of(LaneKind.DRIVING):
+            leads = any(route.network.lanes[name].junction == junction for name in other.successors)
+            if other.junction or not leads or other.edge in own or "passenger" not in other.classes:
+                continue
+            for path in paths_beyond(other, route.network.lanes):
+                line_m = _line_m(route.network, path)
+                way = _meet(route, entry, exit_lane, command, rows, other, line_m, path)
+                if way is not None and suits(way) and other.length_m > _MIN_START_M:
+                    yield _place(way)
+
+
+def _place(way: _Crossing) -> Place:
+    """The place of a crossing."""
+    back_m = min(_START_M, way.other.length_m - _MIN_START_M / 2.0)
+    if way.other is way.entry:
+        back_m = min(_MIN_START_M, back_m)
+    start = WaypointSpec(lane=way.other.id, s_m=way.other.length_m - back_m)
+    return Place(way.at_m, start, (way.out.edge,), {"run_m": back_m + way.beyond_m})
+
+
+def _junctions(route: RouteLine) -> Iterator[tuple[Lane, Lane, Command, slice]]:
+    """Lanes before and after each junction of a route, the maneuver, and the rows of its points in the junction."""
+    edges = np.flatnonzero(np.diff(route.in_junction.astype(np.int64)))
+    for first in edges.tolist():
+        if route.in_junction[first + 1] and len(later := edges[edges > first]):
+            rows = slice(first + 1, int(later[0]) + 1)
+            entry, exit_lane = (route.network.lanes[route.spec.lane[row]] for row in (first, rows.stop))
+            yield entry, exit_lane, route.spec.command[(rows.start + rows.stop) // 2], rows
+
+
+def _meet(
+    route: RouteLine,
+    entry: Lane,
+    exit_lane: Lane,
+    command: Command,
+    rows: slice,
+    other: Lane,
+    line_m: Float64Array,
+    path: tuple[str, ...],
+) -> _Crossing | None:
+    """Where a route first meets the path of another one in a junction; None: they do not meet."""
+    gap_m = np.linalg.norm(route.point_m[rows, None, :2] - line_m[None, :, :2], axis=2)
+    meets = np.flatnonzero(gap_m.min(axis=1) < _MEETS_M)
+    if not len(meets):
+        return None
+    row = rows.start + int(meets[0])
+    number = min(int(gap_m[meets[0]].argmin()), len(line_m) - 2)
+    yaws = np.arctan2(*np.diff(line_m[:, :2], axis=0).T[::-1])
+    station_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1))])
+    return _Crossing(
+        entry,
+        exit_lane,
+        command,
+        other,
+        line_m,
+        route.network.lanes[path[-1]],
+        float(route.station_m[row]),
+        float(station_m[number]),
+        _angle(float(yaws[number]), float(route.yaw_rad[row])),
+        _angle(float(yaws[0]), float(route.yaw_rad[rows.start])),
+        _angle(float(yaws[0]), float(yaws[-1])),
+    )
+
+
+def _line_m(network: RoadNetwork, path: tuple[str, ...]) -> Float64Array:
+    """(K, 3) line of a path's lanes inside a junction, every half meter."""
+    inside = path[:-1] or path
+    line_m = np.concatenate([network.lanes[name].centerline_m for name in inside])
+    station_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1))])
+    at_m = np.linspace(0.0, station_m[-1], max(round(station_m[-1] / 0.5), 2))
+    return np.column_stack([np.interp(at_m, station_m, column) for column in line_m.T])
+
+
+def _beside(line_m: Float64Array, left_m: float) -> Float64Array:
+    """A (K, 3) line, moved to the left."""
+    ahead = np.gradient(line_m[:, :2], axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    moved_m = line_m.copy()
+    moved_m[:, :2] += left_m * np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    return moved_m
+
+
+def _angle(first_rad: float, second_rad: float) -> float:
+    """Angle between two headings, 0 to pi."""
+    return abs(math.remainder(first_rad - second_rad, 2.0 * math.pi))
+
+
+def _is_ring(lane: Lane, network: RoadNetwork) -> bool:
+    """Whether a lane is on the ring of a roundabout: a short loop of one-way edges."""
+    pending = [(lane, lane.length_m, frozenset([lane.edge]))] if _is_one_way(lane, network) else []
+    while pending:
+        at, length_m, edges = pending.pop()
+        for path in paths_beyond(at, network.lanes):
+            after = network.lanes[path[-1]]
+            if after.edge == lane.edge and len(edges) >= _RING_EDGES:
+                return True
+            total_m = length_m + after.length_m
+            if total_m < _RING_M and after.edge not in edges and _is_one_way(after, network):
+                pending.append((after, total_m, edges | {after.edge}))
+    return False
+
+
+def _is_one_way(lane: Lane, network: RoadNetwork) -> bool:
+    """Whether a road has no lanes of the other direction, whose edge has the same name with another sign."""
+    other = lane.edge.removeprefix("-") if lane.edge.startswith("-") else f"-{lane.edge}"
+    return not network.lanes_of_edge(other)

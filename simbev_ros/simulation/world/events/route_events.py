@@ -1,0 +1,104 @@
+"""The events of a scene's route over time: each one is prepared, begins as the ego comes, and ends."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.scene.weather_course import WeatherCourse
+from simbev_ros.schema.scene.drive_spec import EventKind
+from simbev_ros.schema.scene.route_progress import STANDING_MPS, RouteProgress
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.actors import Actors
+from simbev_ros.simulation.world.events.beside import HiddenPedestrian, OpeningDoor
+from simbev_ros.simulation.world.events.crossing import Crossing
+from simbev_ros.simulation.world.events.cutting_in import CuttingIn
+from simbev_ros.simulation.world.events.leading import Leading
+from simbev_ros.simulation.world.events.motion import EgoOnRoute, EventMotion, Stage
+from simbev_ros.simulation.world.events.on_the_road import BlockedLane, FogBank, Pursuing
+from simbev_ros.simulation.world.population import Population
+
+MOTIONS: Mapping[EventKind, Callable[[Stage], EventMotion]] = {
+    **dict.fromkeys((EventKind.HARD_BRAKE, EventKind.SLOW_VEHICLE), Leading),
+    **dict.fromkeys((EventKind.RED_LIGHT_RUNNER, EventKind.UNPROTECTED_LEFT, EventKind.MERGE), Crossing),
+    **dict.fromkeys((EventKind.ROUNDABOUT, EventKind.CYCLIST_AT_RIGHT_TURN), Crossing),
+    EventKind.CUT_IN: CuttingIn,
+    EventKind.HIDDEN_PEDESTRIAN: HiddenPedestrian,
+    EventKind.OPENING_DOOR: OpeningDoor,
+    EventKind.BLOCKED_LANE: BlockedLane,
+    EventKind.EMERGENCY_VEHICLE: Pursuing,
+    EventKind.FOG_BANK: FogBank,
+}
+"""The motion of each kind of event."""
+
+
+@dataclass(slots=True)
+class EventRecord:
+    """When an event happened.
+
+    Attributes:
+        number: Its index in the specification.
+        begin_tick: The tick before which SUMO or the weather acted on it first; None: it has not begun.
+        end_tick: The tick at which it was over.
+    """
+
+    number: int
+    begin_tick: int | None = None
+    end_tick: int | None = None
+
+
+class RouteEvents:
+    """All events of a scene. Events of one vehicle follow each other.
+
+    Attributes:
+        records: When each event happened, in the specification's order.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        population: Population,
+        actors: Actors,
+        weather: WeatherCourse,
+        next_tick: Callable[[], int],
+    ) -> None:
+        """Prepare the events of a scene whose actors could be placed; ``next_tick`` returns the next one to come."""
+        drive = spec.drive
+        events = () if drive is None else drive.events
+        self.records = tuple(EventRecord(number) for number in range(len(events)))
+        self._tick_s, self._next_tick = spec.tick_ns / NS_PER_S, next_tick
+        self._motions: dict[int, tuple[EventMotion, tuple[int, ...]]] = {}
+        self._triggers_m = [event.trigger_m for event in events]
+        vehicles, pedestrians = population.vehicles, population.pedestrians
+        for number, event in enumerate(events):
+            if {*event.vehicles} <= {*vehicles} and {*event.pedestrians} <= {*pedestrians}:
+                rows = tuple(map(vehicles.index, event.vehicles))
+                walkers = tuple(map(pedestrians.index, event.pedestrians))
+                stage = Stage(event, population.sumo, actors, weather, next_tick, self._tick_s, rows, walkers)
+                self._motions[number] = MOTIONS[event.kind](stage), rows
+        followed = sorted({row for _, some in self._motions.values() for row in some} | {0})
+        self._progress = {} if drive is None else {row: RouteProgress(drive.route) for row in followed}
+        self._front_m: Float64Array | None = None
+        self._stood_s = 0.0
+
+    def advance(self, front_m: Float64Array) -> None:
+        """Act on the next step of the traffic, with the (V, 3) fronts of the vehicles now."""
+        if not self._motions:
+            return
+        before_m = front_m if self._front_m is None else self._front_m
+        self._front_m = front_m
+        speed_mps = float(np.linalg.norm((front_m - before_m)[0, :2])) / self._tick_s
+        self._stood_s = self._stood_s + self._tick_s if speed_mps < STANDING_MPS else 0.0
+        along_m = {row: progress.advance_to(front_m[row]).distance_m for row, progress in self._progress.items()}
+        ego, busy = EgoOnRoute(along_m[0], speed_mps, self._stood_s), set[int]()
+        for number, (motion, rows) in self._motions.items():
+            record, own_m = self.records[number], np.array([along_m[row] for row in rows])
+            if record.end_tick is not None or busy.intersection(rows):
+                continue
+            busy.update(rows)
+            if record.begin_tick is None and motion.begins(ego, own_m) and ego.front_m >= self._triggers_m[number]:
+                record.begin_tick = self._next_tick()
+            if record.begin_tick is not None and motion.advance(ego, own_m):
+                record.end_tick = self._next_tick()

@@ -63,7 +63,7 @@ class Baseline:
     """
 
     def __init__(self, path: Path, threads: int | None = None, *, gpu: bool = True) -> None:
-        self._path, self._session = path, _session(path, threads, gpu)
+        self._path, self._session = path, open_session(path, threads, gpu=gpu)
         with foreign_content(f"{path}: {ABOUT_KEY}"):
             text = self._session.get_modelmeta().custom_metadata_map.get(ABOUT_KEY)
             if text is None:
@@ -108,12 +108,16 @@ class Baseline:
         }
         try:
             feed = {each.name: given[each.name] for each in self._session.get_inputs()}
-            cells, *heads = self._session.run(["cells", *self._heads], feed)
-            boxes = decode_boxes(list(zip(heads[::2], heads[1::2], strict=True)))
-            later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
-            return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, boxes)
+            return decode_answer(*self._session.run(["cells", *self._heads], feed))
         except Exception as error:  # ONNX Runtime's errors have no common base
             raise InputError(f"{self._path}: cannot answer: {' '.join(str(error).split())[:200]}") from error
+
+
+def decode_answer(cells: UInt8Array, *heads: Float32Array) -> Answer:
+    """The answer that a model's outputs are: cells, then peaks and values of boxes of each head in turn."""
+    boxes = decode_boxes(list(zip(heads[::2], heads[1::2], strict=True)))
+    later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
+    return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, boxes)
 
 
 def _sweep_ages_ns(ages_s: Any) -> tuple[int, ...]:
@@ -136,7 +140,18 @@ def require_onnx_runtime() -> None:
     load_extras()["baselines"].require("a baseline")
 
 
-def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
+def open_session(path: Path, threads: int | None = None, *, gpu: bool = True, part: bytes = b"") -> "InferenceSession":
+    """Load a model into ONNX Runtime.
+
+    Args:
+        path: Its file.
+        threads: As for ``Baseline``.
+        gpu: As for ``Baseline``.
+        part: Loaded instead of the file, of which it is a part; empty: the file.
+
+    Raises:
+        InputError: ONNX Runtime is not installed, or the model cannot be loaded.
+    """
     require_onnx_runtime()
     import onnxruntime
 
@@ -151,6 +166,6 @@ def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
     available = onnxruntime.get_available_providers()
     wanted = ["CUDAExecutionProvider"] if gpu and "CUDAExecutionProvider" in available else []
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=[*wanted, "CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(part or str(path), options, providers=[*wanted, "CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no common base
         raise InputError(f"{path}: cannot be loaded: {str(error).splitlines()[0]}") from None

@@ -47,6 +47,25 @@ def fuse_boxes(tables: Sequence[Table], map_from_ego: Floats) -> Table:
     return np.array(kept, boxes.dtype)
 
 
+def received_boxes(boxes: Table, map_from_ego: Floats, map_from_sent: Floats, age_s: float) -> Table:
+    """Boxes of another agent's message where its receiver takes them to be.
+
+    Args:
+        boxes: (N,) ``pipeline.BOX_DTYPE`` as the sender has found them, map frame.
+        map_from_ego: (4, 4) pose of the sender at that time.
+        map_from_sent: (4, 4) pose that it has sent; its boxes have the same error.
+        age_s: Time since then, in which they have moved with their velocities.
+    """
+    map_from_true = map_from_sent @ np.linalg.inv(map_from_ego)
+    result, turn = boxes.copy(), map_from_true[:2, :2]
+    centers_m = np.stack([boxes[axis] for axis in "xyz"], axis=1) @ map_from_true[:3, :3].T + map_from_true[:3, 3]
+    result["vx"], result["vy"] = turn @ np.stack([boxes["vx"], boxes["vy"]])
+    result["yaw"] += np.arctan2(turn[1, 0], turn[0, 0])
+    for axis, center_m in zip("xyz", centers_m.T, strict=True):
+        result[axis] = center_m + age_s * result[f"v{axis}"]
+    return result
+
+
 def _is_ego(boxes: Table, map_from_ego: Floats) -> Booleans:
     """(N,) whether each box is where the ego itself is."""
     offset_m = np.stack([boxes["x"], boxes["y"]], axis=1) - map_from_ego[:2, 3]

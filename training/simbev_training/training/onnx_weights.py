@@ -69,7 +69,7 @@ def start_from(model: nn.Module, files: Sequence[Path]) -> None:
     own = model.state_dict()
     for file in files:
         with foreign_content(file):
-            weights = _weights(_load(file))
+            weights = _weights(load_model_file(file))
         fitting = {name: each for name, each in weights.items() if name in own and own[name].shape == each.shape}
         if not fitting:
             raise InputError(f"{file}: has no weights of this model; start_from takes what `simbev train` wrote")
@@ -82,7 +82,7 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
     Raises:
         InputError: The file cannot be read, or is not a model that ``simbev train`` wrote.
     """
-    exported = _load(file)
+    exported = load_model_file(file)
     texts = [each.value for each in exported.metadata_props if each.key == ABOUT_KEY]
     with foreign_content(file):
         about: dict[str, Any] = parse_json(texts[0]) if texts else {}
@@ -98,7 +98,8 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
     return model, about
 
 
-def _load(file: Path) -> onnx.ModelProto:
+def load_model_file(file: Path) -> onnx.ModelProto:
+    """An ONNX file, unless it cannot be read: then InputError is raised."""
     try:
         return onnx.load(str(file), load_external_data=False)
     except Exception as error:  # a damaged file raises an error of protobuf, which onnx does not name

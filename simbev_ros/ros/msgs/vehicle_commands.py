@@ -49,9 +49,7 @@ def _read_path(message: Any) -> TrajectoryCommand:
 
 def _require_map(frame: str) -> None:
     if frame != MAP_FRAME:
-        raise ValueError(
-            f"header.frame_id is {frame!r}; it must be {MAP_FRAME!r}; the vehicle keeps its last valid one"
-        )
+        raise ValueError(f"header.frame_id must be {MAP_FRAME!r}, not {frame!r}; the vehicle keeps its last valid one")
 
 
 COMMAND_KINDS: Mapping[str, CommandKind] = {

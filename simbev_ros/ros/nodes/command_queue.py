@@ -11,23 +11,26 @@ class CommandQueue:
 
     Args:
         window_ticks: A command stamped with tick t acts at tick t + window_ticks; 0: at the next tick, if live.
+        max_age_ticks: Age from which a command of a live graph is not used.
     """
 
-    def __init__(self, window_ticks: int) -> None:
-        self._window_ticks = window_ticks
+    def __init__(self, window_ticks: int, max_age_ticks: int = 10) -> None:
+        self._window_ticks, self._max_age_ticks = window_ticks, max_age_ticks
         self._newest_tick = -1
         self._waiting = deque[tuple[int, VehicleCommand]]()
 
-    def add(self, tick: int, command: VehicleCommand) -> None:
-        """Add a command.
+    def add(self, tick: int, command: VehicleCommand, next_tick: int) -> None:
+        """Add a command; those of the lead-in are ignored.
 
         Raises:
-            ValueError: It is not newer than the one before it. Those of the lead-in are ignored.
+            ValueError: It is not newer than the one before it or, live, older than allowed at ``next_tick``.
         """
         if tick < 0:
             return
         if tick <= self._newest_tick:
             raise ValueError(f"a command for tick {tick} came after one for tick {self._newest_tick}; it is not used")
+        if not self._window_ticks and next_tick - tick > self._max_age_ticks:
+            raise ValueError(f"a command for tick {tick} came before tick {next_tick}, too late; it is not used")
         self._newest_tick = tick
         self._waiting.append((tick, command))
 

@@ -22,6 +22,7 @@ from simbev_ros.config.agents import driver_participant
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.process_memory import freeze_after_loading
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.ros.conventions.names import NodeName
@@ -64,6 +65,7 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.replay.replay import Replay
+from simbev_ros.simulation.world.driving.commanded_driver import COMMAND_TIMEOUT_S
 from simbev_ros.simulation.world.simulation import Simulation
 from simbev_ros.simulation.world.source import StateSource
 
@@ -160,9 +162,7 @@ class WorldNode(GraphNode):
             source, displays = self._load(request, views)
         ending = SceneEndDetector(request.spec, source.available)
         progress = None if request.spec.drive is None else ProgressTables(request.spec.drive.route)
-        window_ticks = 0 if self.live else self._lockstep.window_ticks
-        queues = {view.agent: CommandQueue(window_ticks) for view in views if view.spec.driver in COMMAND_KINDS}
-        self._scene = _LoadedScene(request, views, source, ending, displays, progress, queues)
+        self._scene = _LoadedScene(request, views, source, ending, displays, progress, self._queues(views))
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -217,6 +217,13 @@ class WorldNode(GraphNode):
             drive = partial(self._on_command, view.agent)
             self._commands[command] = self.create_subscription(Twist, command, drive, 10)
 
+    def _queues(self, views: Sequence[AgentView]) -> dict[str, CommandQueue]:
+        """Empty queues for the commands of drivers, by agent."""
+        window_ticks = 0 if self.live else self._lockstep.window_ticks
+        max_age_ticks = round(COMMAND_TIMEOUT_S * NS_PER_S / views[0].scene.tick_ns)
+        driven = (view.agent for view in views if view.spec.driver in COMMAND_KINDS)
+        return {agent: CommandQueue(window_ticks, max_age_ticks) for agent in driven}
+
     def _on_stop(self, message: String) -> None:
         stop = self.read(topics.STOP, content_of, SceneStop, message.data, self.signer)
         if stop is not None:
@@ -239,7 +246,7 @@ class WorldNode(GraphNode):
         if scene is None or agent not in scene.queues or scene_number_of(stamp_ns) != scene.spec.number:
             return
         if (command := self.read(topic, kind.read, message)) is not None:
-            self.read(topic, scene.queues[agent].add, scene.spec.tick_of(stamp_ns), command)
+            self.read(topic, scene.queues[agent].add, scene.spec.tick_of(stamp_ns), command, self._next_tick)
         driver = driver_participant(agent)
         self._lockstep.record_report(Report(driver, scene.spec.name, stamp_ns), self._next_tick - 1)
         self.advance()

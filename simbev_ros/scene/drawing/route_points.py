@@ -1,5 +1,6 @@
 """The points of a configured route on a map, and the first agent that starts at the first of them."""
 
+import math
 from typing import Any
 
 from simbev_ros.config.agents import Ego
@@ -36,4 +37,4 @@ def _pose(point: LanePoint | SpawnPose, network: RoadNetwork, field: str) -> Spa
         raise InputError(f"{field}.lane: map {network.name} has no lane {point.lane!r}; `simbev map info` lists ids")
     position_m, yaw_rad = network.pose_on_lane(point.lane, point.s_m)
     x_m, y_m, z_m = position_m.tolist()
-    return SpawnPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_deg=yaw_rad * 57.29577951308232)
+    return SpawnPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_deg=math.degrees(yaw_rad))

@@ -10,7 +10,8 @@ from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.simulation.world.driving.commands import AckermannCommand, VehicleCommand
 from simbev_ros.simulation.world.driving.vehicle_model import Dynamics, VehicleModel
 
-_COMMAND_TIMEOUT_S = 0.5  # without a command for this long, the vehicle brakes; a trajectory lasts until its end
+COMMAND_TIMEOUT_S = 0.5
+"""Time without a command after which the vehicle brakes; a trajectory lasts until its end."""
 _HOLDING_MPS, _HOLDING_MPS2 = 0.05, 2.0  # speed below which the brakes hold a vehicle that is to stand, and how firmly
 
 
@@ -56,7 +57,7 @@ class CommandedDriver:
         model, command = self.model, self._command
         rise_m, run_m = self.front_m[2] - self.axle_m[2], np.linalg.norm((self.front_m - self.axle_m)[:2])
         slope = float(rise_m / run_m)
-        is_late = self._ticks_without_command * self._tick_s >= _COMMAND_TIMEOUT_S - 1e-9
+        is_late = self._ticks_without_command * self._tick_s >= COMMAND_TIMEOUT_S - 1e-9
         if command is None or (is_late and isinstance(command, AckermannCommand)):
             command = AckermannCommand(model.steer_rad, 0.0, self._comfortable_mps2)
         self._ticks_without_command += 1

@@ -254,7 +254,8 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     """Specification for replaying a bag with another configuration.
 
     The agents with their rigs and labels come from the configuration (see ``replayed_agents``), and so
-    do weather and lights if it sets them; everything else is as recorded.
+    do weather and lights if it sets them; everything else is as recorded. A drive remains one if the configuration has
+    the section ``drive``.
 
     Args:
         bag: The bag.
@@ -286,6 +287,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         "v2x": draw_v2x(scenario, spec.seed, [agent.name for agent in agents]),
         "map": here.model_copy(update={"season": season}),
         "datum": spec.datum or datum_spec(network.datum),
+        "drive": None if scenario.drive is None else spec.drive,  # without the section the graph has no referee
     }
     if redrawn:
         even_fog = fog_fills_heights(here, network)

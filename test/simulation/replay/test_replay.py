@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+import drive_cases
 import numpy as np
 import pytest
 from peak_memory import at_most
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.config.drive import Drive
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.errors import BagError, InputError
@@ -183,6 +185,15 @@ def test_rig_and_weather_come_from_the_configuration(tmp_path: Path) -> None:
         slow = scenario.model_copy(update={"time": scenario.time.model_copy(update={"tick_s": 0.1})})
         with pytest.raises(InputError, match=r"time\.tick_s: 0\.1, but .* has ticks of 0\.05 s"):
             replayed_spec(recorded, slow, network)
+
+
+@pytest.mark.parametrize("has_section", [True, False])
+def test_a_drive_remains_one_if_the_configuration_has_the_section(tmp_path: Path, has_section: bool) -> None:
+    spec = SPEC.model_copy(update={"drive": drive_cases.spec().drive})
+    scenario = load_scenario("demo").model_copy(update={"drive": Drive() if has_section else None})
+    with SceneBag(bag(tmp_path / "a", scene=spec.model_dump_json())) as recorded:
+        replayed = replayed_spec(recorded, scenario, load_network(SPEC.map))
+    assert replayed.drive == (spec.drive if has_section else None)
 
 
 def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

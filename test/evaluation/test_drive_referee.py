@@ -149,6 +149,12 @@ def test_driving_in_the_lane_of_the_other_direction_counts_by_meters_within_a_se
     assert referee.record.outside_share == pytest.approx(1.0)
 
 
+def test_crossing_the_other_lane_is_not_driving_against_it() -> None:
+    referee, found = drive(straight(5.0, 50.0, -2.0, np.radians(75.0)), 0.9)
+    assert referee.record.max_oncoming_m == pytest.approx(0.5 * 5.0 * np.cos(np.radians(75.0)), abs=0.2)
+    assert (of_kind(found, K.WRONG_DIRECTION), referee.record.outside_m) == ([], 0.0)
+
+
 def test_off_the_road_counts_from_30_cm_beyond_the_pavement() -> None:
     # the road ends at y = -3.5, and the right side of the car is 1 m to the right of its center
     for y_m, off_m in ((-2.7, 0.2), (-3.0, 0.5)):

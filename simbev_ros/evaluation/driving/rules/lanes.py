@@ -22,6 +22,7 @@ _TILE_M, _MARGIN_M = 64.0, 24.0
 _OFF_ROAD_M = 0.3
 _ONCOMING_M, _WINDOW_S = 2.0, 1.0
 _TOLERATED_MPS = 0.5  # only for the list of infractions; scores count any excess
+_AGAINST_COS = 0.5  # CARLA: more than 120 degrees from the lane's direction
 _OUT_M = 0.5  # CARLA: distance of the center from the road from which the vehicle is outside of its lanes
 
 
@@ -111,7 +112,7 @@ class LaneRule:
         oncoming_m, excess_mps = sum(self._oncoming_m), moment.speed_mps - self._places.limit_mps(moment)
         step_m = float(np.hypot(*moment.step_m))
         self.driven_m += step_m
-        self.outside_m += step_m * (center_off_m > _OUT_M or against_m > 0.0)
+        self.outside_m += step_m * (center_off_m > _OUT_M or against_m > _AGAINST_COS * step_m)
         self.overspeed_m += max(excess_mps, 0.0) * moment.tick_s
         self.max_off_road_m = max(self.max_off_road_m, *off_m)
         self.max_oncoming_m = max(self.max_oncoming_m, oncoming_m)

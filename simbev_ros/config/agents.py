@@ -29,7 +29,7 @@ EgoDriverKind = Literal["traffic", "twist", "ackermann", "trajectory", "path"]
 
 RESERVED_NAMES: Final = (
     *("all", "world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
-    *("map", "diagnostics", "rosout", "parameter_events"),
+    *("map", "diagnostics", "drive", "rosout", "parameter_events"),
     *("bev", "boxes", "cmd_vel", "detections", "hd_map", "occupancy", "odom", "path", "vector_map"),
 )
 """Names that no agent of several may have: ``--agent all``, the beginnings of topics and frames of the whole scene,

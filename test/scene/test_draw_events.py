@@ -27,6 +27,7 @@ def drawn(seed: int = 3, **events: object) -> SceneSpec:
         "rig": Rig(sensors=()),
         "ego": {"driver": "twist"},
         "traffic": {"vehicles": 10, "pedestrians": 5},
+        "hazards": {"count": 2},
         "drive": {"goal_m": 400, "events": events or None},
     }
     return draw_scene(Scenario.model_validate(scenario), PlannedScene(0, BLOCKS, "train"), load_network(BLOCKS))
@@ -53,6 +54,15 @@ def test_events_keep_their_distance_and_their_order_and_refer_to_actors_of_their
             )
             for name, (low, high) in event_class.drawn.items():
                 assert low <= event.parameters[name] <= high
+
+
+def test_events_are_not_in_hazard_areas() -> None:
+    for seed in range(4):
+        spec = drawn(seed, count=5)
+        assert spec.drive is not None and spec.hazards
+        blocked = {stretch.lane for hazard in spec.hazards for stretch in hazard.blocked}
+        of_events = {index for event in spec.drive.events for index in event.vehicles}
+        assert blocked.isdisjoint(spec.vehicles[index].start.lane for index in of_events)
 
 
 def test_events_change_nothing_else_in_a_scene() -> None:

@@ -1,7 +1,7 @@
 """Draw the events along a route: what happens when the first agent comes by, and the actors that only events have."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from simbev_ros.scene.events import junction_places, lane_places
 from simbev_ros.scene.events.kinds import EventClass, event_classes
 from simbev_ros.scene.events.route_line import Place, RouteLine
 from simbev_ros.schema.scene.drive_spec import EventKind, EventSpec, RouteSpec
+from simbev_ros.schema.scene.hazard import HazardSpec
 from simbev_ros.schema.scene.spec import PedestrianSpec, StandSpec, VehicleSpec, WaypointSpec
 
 _LOGGER = logging.getLogger(__name__)
@@ -58,6 +59,7 @@ def draw_events(
     vehicles: tuple[VehicleSpec, ...],
     pedestrians: tuple[PedestrianSpec, ...],
     clearance: StartClearance,
+    hazards: Sequence[HazardSpec] = (),
 ) -> DrawnEvents:
     """Draw the events of a scene's route, each with streams of its own.
 
@@ -71,13 +73,19 @@ def draw_events(
         vehicles: Vehicles drawn so far, the first agent's first; the vehicles of events follow them in the scene.
         pedestrians: Pedestrians drawn so far; those of events follow them.
         clearance: The ground that vehicles occupy, to which those of events are added.
+        hazards: Hazard areas, whose lanes have no events.
     """
     wanted = None if scenario.drive is None else scenario.drive.events
     count = 0 if wanted is None else round(sample(wanted.count, stream(seed, "drive_events.count")))
     if wanted is None or not count:
         return DrawnEvents()
     line, names = RouteLine(route, network), [name for name, weight in wanted.kinds.items() if weight]
-    places = {kind: list(_PLACES[event_classes()[kind].places](line)) for kind in map(EventKind, names)}
+    closed = {stretch.lane for hazard in hazards for stretch in hazard.blocked}
+    found_by_kind = {kind: _PLACES[event_classes()[kind].places](line) for kind in map(EventKind, names)}
+    places = {
+        kind: [each for each in found if not closed & {line.lane_at(each.at_m).id, each.start and each.start.lane}]
+        for kind, found in found_by_kind.items()
+    }
     missing = [kind for kind, found in places.items() if not found]
     if missing and "kinds" in wanted.model_fields_set:
         _LOGGER.warning("%s: the route has no place for the events %s", network.name, ", ".join(missing))

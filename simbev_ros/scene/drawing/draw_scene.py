@@ -84,7 +84,7 @@ def draw_scene(
     vehicles = *agents.vehicles, *drawer.draw_vehicles(hazards, clearance)
     pedestrians = tuple(drawer.draw_pedestrians(clearance))
     if drive is not None:
-        events = draw_events(scenario, seed, network, drive.route, vehicles, pedestrians, clearance)
+        events = draw_events(scenario, seed, network, drive.route, vehicles, pedestrians, clearance, hazards.hazards)
         drive = drive.model_copy(update={"events": events.events})
         vehicles, pedestrians = (*vehicles, *events.vehicles), (*pedestrians, *events.pedestrians)
     return SceneSpec(

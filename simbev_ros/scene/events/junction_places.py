@@ -16,6 +16,7 @@ from simbev_ros.schema.scene.spec import WaypointSpec
 _MEETS_M = 0.8
 _START_M, _MIN_START_M = 25.0, 8.0  # from the stop line back to where the other starts
 _CYCLIST_M = 1.15  # from the center line to a cyclist at the edge of a lane, as SUMO aligns it
+_MIN_APPROACH_M = 35.0  # from the start of the route to a junction
 _RING_M, _RING_EDGES = 260.0, 3
 _STRAIGHT_RAD, _OPPOSITE_RAD = 0.6, 2.6
 
@@ -105,12 +106,13 @@ def roundabout(route: RouteLine) -> Iterator[Place]:
 def right_turn(route: RouteLine) -> Iterator[Place]:
     """Turns to the outer side of the road, across the path of cyclists who go on at the edge of the same lane."""
     for entry, exit_lane, command, rows in _junctions(route):
-        side = {Command.RIGHT: -1.0, Command.LEFT: 1.0}.get(command, 0.0)
+        side = _outer_side(entry, route.network)
         outermost = min(
             (lane.index for lane in route.network.lanes_of_edge(entry.edge) if lane.kind is LaneKind.DRIVING),
             default=-1,
         )
-        if not side or entry.index != outermost or "bicycle" not in entry.classes:
+        turns = command is (Command.RIGHT if side < 0.0 else Command.LEFT)
+        if not turns or entry.index != outermost or "bicycle" not in entry.classes:
             continue
         for path in paths_beyond(entry, route.network.lanes):
             line_m = _line_m(route.network, path)
@@ -148,7 +150,8 @@ def _junctions(route: RouteLine) -> Iterator[tuple[Lane, Lane, Command, slice]]:
     """Lanes before and after each junction of a route, the maneuver, and the rows of its points in the junction."""
     edges = np.flatnonzero(np.diff(route.in_junction.astype(np.int64)))
     for first in edges.tolist():
-        if route.in_junction[first + 1] and len(later := edges[edges > first]):
+        is_entry = route.in_junction[first + 1] and route.station_m[first] > _MIN_APPROACH_M
+        if is_entry and len(later := edges[edges > first]):
             rows = slice(first + 1, int(later[0]) + 1)
             entry, exit_lane = (route.network.lanes[route.spec.lane[row]] for row in (first, rows.stop))
             yield entry, exit_lane, route.spec.command[(rows.start + rows.stop) // 2], rows
@@ -209,6 +212,18 @@ def _beside(line_m: Float64Array, left_m: float) -> Float64Array:
 def _angle(first_rad: float, second_rad: float) -> float:
     """Angle between two headings, 0 to pi."""
     return abs(math.remainder(first_rad - second_rad, 2.0 * math.pi))
+
+
+def _outer_side(lane: Lane, network: RoadNetwork) -> float:
+    """Side of a lane on which the edge of the road is: 1 to the left, as in left-hand traffic, else -1."""
+    outer = [each for each in network.lanes_of_edge(lane.edge) if each.index < lane.index]
+    if not outer:
+        return -1.0
+    ahead, beside = (
+        np.diff(lane.centerline_m[:2, :2], axis=0)[0],
+        (outer[-1].centerline_m - lane.centerline_m[0])[0, :2],
+    )
+    return 1.0 if ahead[0] * beside[1] - ahead[1] * beside[0] > 0.0 else -1.0
 
 
 def _is_ring(lane: Lane, network: RoadNetwork) -> bool:

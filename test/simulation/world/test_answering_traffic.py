@@ -52,6 +52,7 @@ def test_a_vehicle_brakes_behind_an_ego_that_brakes_hard() -> None:
     assert np.hypot(rows["vx"], rows["vy"]).max() < 0.1 and 0.5 < gap_m[-1] < 6.0
 
 
+@pytest.mark.slow
 def test_crossing_traffic_does_not_run_into_an_ego_that_stands_in_a_junction() -> None:
     spec = scene(vehicles=24, pedestrians=16, ticks=500, agents=[ego(driver="twist")], seed=4)
     start = car("grid.ns2.0.0_1", 60.0)

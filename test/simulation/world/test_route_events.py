@@ -31,6 +31,8 @@ ROUTES = {
     "cyclist_at_right_turn": (RIGHT, 1, 7.0),
 }
 """Edges, first lane and speed of the ego."""
+QUICK = "hard_brake", "hidden_pedestrian"
+KINDS = [pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in ROUTES]
 
 
 class Run(NamedTuple):
@@ -74,18 +76,19 @@ def is_cutting_in(state: WorldState) -> bool:
     return bool(abs(state.actors[1]["x"] - state.ego["x"]) < 3.4)
 
 
-@pytest.mark.parametrize("kind", ROUTES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_ego_that_drives_on_collides(kind: str) -> None:
     assert run(kind, brakes=False).hits_ego
 
 
-@pytest.mark.parametrize("kind", ROUTES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_an_ego_that_brakes_does_not(kind: str) -> None:
     braking = run(kind, brakes=True)
     assert braking.record.begin_tick is not None
     assert not braking.hits_ego
 
 
+@pytest.mark.slow
 def test_an_event_does_not_begin_before_its_trigger() -> None:
     for kind in ROUTES:
         passive = run(kind, brakes=False)
@@ -106,6 +109,7 @@ def test_the_vehicle_ahead_brakes_hard() -> None:
     assert np.all(np.diff(speed_mps) / TICK_S > -9.0)
 
 
+@pytest.mark.slow
 def test_the_vehicle_that_cuts_in_ends_in_the_lane_of_the_ego_close_ahead() -> None:
     braking = run("cut_in", brakes=True)
     ego, other = braking.rows(0), braking.rows(1)
@@ -128,6 +132,7 @@ def test_the_pedestrian_is_hidden_and_then_in_the_lane_when_the_ego_arrives() ->
     assert 0.5 < walker["y"][0] - van["y"][0] < 6.0  # beyond the van, as the ego sees it
 
 
+@pytest.mark.slow
 def test_the_blocking_vehicle_stands_with_its_hazard_lights() -> None:
     braking = run("blocked_lane", brakes=True)
     other = braking.rows(1)
@@ -148,6 +153,7 @@ def test_the_door_opens_as_the_ego_comes() -> None:
     assert simulation.event_records[0].end_tick is not None
 
 
+@pytest.mark.slow
 def test_the_slow_vehicle_crawls_on_the_bend() -> None:
     spec = event_scene("slow_vehicle", ("grid.ring.7", "grid.ring.8"), ticks=640)
     states, simulation = drive_along(spec, blocks(), lambda state, _: 7.0)
@@ -158,6 +164,7 @@ def test_the_slow_vehicle_crawls_on_the_bend() -> None:
     assert speed_mps[record.begin_tick + spec.warm_up_ticks + 110] == pytest.approx(crawl_mps, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_emergency_vehicle_is_blocked_by_an_ego_in_its_lane_and_passes_one_that_gives_way() -> None:
     ahead_m = []
     for gives_way_m in (0.0, 3.5):
@@ -170,6 +177,7 @@ def test_the_emergency_vehicle_is_blocked_by_an_ego_in_its_lane_and_passes_one_t
     assert ahead_m[0][0] < -20.0 and ahead_m[0].max() < -4.0 and ahead_m[1].max() > 10.0
 
 
+@pytest.mark.slow
 def test_the_fog_bank_comes_and_goes_with_the_route() -> None:
     spec = event_scene("fog_bank", NORTH, ticks=560)
     states, simulation = drive_along(spec, blocks(), lambda state, _: 8.0)
@@ -180,6 +188,7 @@ def test_the_fog_bank_comes_and_goes_with_the_route() -> None:
     assert np.all(fog[:begin] == 0.0) and fog.max() == pytest.approx(density)
 
 
+@pytest.mark.slow
 def test_a_vehicle_on_the_ring_meets_the_ego_at_the_entry_of_a_roundabout() -> None:
     spec = event_scene("roundabout", ("-east_avenue", "circus.0"), lane=2, s_m=110.0, ticks=440, town_name="Town03")
     assert spec.drive is not None and spec.vehicles[1].start.lane.startswith("circus.")
@@ -194,6 +203,7 @@ def test_a_vehicle_on_the_ring_meets_the_ego_at_the_entry_of_a_roundabout() -> N
     assert not any(state.events for state in stops[0])
 
 
+@pytest.mark.slow
 def test_the_same_scene_gives_the_same_bytes() -> None:
     first, second = run("red_light_runner", False), run.__wrapped__("red_light_runner", False)
     assert [state.actors.tobytes() for state in first.states] == [state.actors.tobytes() for state in second.states]

@@ -6,12 +6,11 @@ traffic stops before the path of the emergency vehicle, which itself ignores lig
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from simbev_ros.foundation.types import Float64Array, Int64Array
-from simbev_ros.simulation.world.driving.turning_room import RouteProgress
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _REASON = "blue lights"
 _AHEAD_M = np.arange(0.0, 62.0, 2.0)
@@ -22,32 +21,13 @@ _SLOWEST_MPS = 4.0  # of those who move aside
 _CROSS_STOP_M = 7.0  # from a front that stops to the path that it would cross
 _MAX_BRAKING_MPS2 = 6.0
 _MIN_CROSSING_SINE = 0.35
-
-
-class YieldingTraffic(Protocol):
-    """Traffic interface of ``MakingWay``; vehicles are given by their index in ``vehicles``."""
-
-    @property
-    def progress(self) -> RouteProgress:
-        """Where the vehicles are."""
-
-    def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
-        """(N, K, 3) positions of fronts after (N, K) distances along their routes."""
-
-    def speed_mps(self, vehicle: int) -> float:
-        """A vehicle's speed."""
-
-    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed for a reason; None lifts the limit."""
-
-    def leave_lane(self, vehicle: int) -> bool:
-        """Let a vehicle change to another lane of its edge; returns whether there is one."""
+_STANDING_MPS = 0.5
 
 
 class MakingWay:
     """Lets V vehicles make way for those of them that have emergency lights."""
 
-    def __init__(self, emergency: Sequence[bool], traffic: YieldingTraffic, tick_s: float) -> None:
+    def __init__(self, emergency: Sequence[bool], traffic: SumoTraffic, tick_s: float) -> None:
         """For the vehicles of which (V,) have their emergency lights on."""
         self._emergency = np.flatnonzero(emergency)
         self._others = np.flatnonzero(~np.asarray(emergency, bool))
@@ -60,7 +40,8 @@ class MakingWay:
             return
         limits_mps: dict[int, float] = {}
         paths_m = self._paths_m(self._others)
-        for path_m in self._paths_m(self._emergency):
+        for emergency, path_m in zip(self._emergency.tolist(), self._paths_m(self._emergency), strict=True):
+            drives = self._traffic.speed_mps(emergency) > _STANDING_MPS
             gap_m = np.linalg.norm(paths_m[:, 0, None, :2] - path_m[None, :, :2], axis=2)
             level = np.abs(paths_m[:, 0, 2] - path_m[0, 2]) < _NOTICE_M / 10.0
             nearest = gap_m.argmin(axis=1)
@@ -71,7 +52,7 @@ class MakingWay:
                 if self._traffic.leave_lane(vehicle):
                     slower_mps = self._traffic.speed_mps(vehicle) - _MAKES_WAY_MPS2 * self._tick_s
                     limits_mps[vehicle] = max(slower_mps, _SLOWEST_MPS)
-            for row in np.flatnonzero(level & ~(on_path & aligned)).tolist():
+            for row in np.flatnonzero(drives & level & ~(on_path & aligned)).tolist():
                 self._stop_before(int(self._others[row]), paths_m[row], path_m, limits_mps)
         for vehicle in sorted(self._limited | limits_mps.keys()):
             self._traffic.limit_speed(vehicle, _REASON, limits_mps.get(vehicle))

@@ -26,7 +26,7 @@ class CuttingIn(EventMotion):
         self._accelerate(self._speed_mps(ego), _MPS2, heeds_leaders=True)
         if self._changing_s or gap_m < self._stage["gap_m"]:
             if not self._changing_s:
-                self._stage.sumo.force_aside(self._vehicle, self._stage["left_m"])
+                self._stage.sumo.given.move_aside(self._vehicle, self._stage["left_m"])
             self._changing_s += self._stage.tick_s
         return (self._changing_s >= _LANE_CHANGE_S or gap_m < -_OVER_M) and self._release()
 

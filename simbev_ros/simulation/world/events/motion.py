@@ -93,13 +93,13 @@ class EventMotion:
         """Give the vehicle its speed for one tick, on the way to another one; returns the new speed."""
         speed_mps, step_mps = self._stage.sumo.speed_mps(self._vehicle), mps2 * self._stage.tick_s
         new_mps = min(max(to_mps, speed_mps - step_mps), speed_mps + step_mps)
-        self._stage.sumo.command_speed(self._vehicle, new_mps, heeds_leaders)
+        self._stage.sumo.given.set_speed(self._vehicle, new_mps, heeds_leaders)
         return new_mps
 
     def _release(self) -> bool:
         """Let the vehicle's driver drive again; the event is over."""
         self._limit_speed(None)
-        self._stage.sumo.command_speed(self._vehicle, None)
+        self._stage.sumo.given.set_speed(self._vehicle, None)
         return True
 
 

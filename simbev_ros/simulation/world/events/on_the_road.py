@@ -16,7 +16,7 @@ class BlockedLane(EventMotion):
     def __init__(self, stage: Stage) -> None:
         """Switch the lights on."""
         super().__init__(stage)
-        stage.sumo.flash_hazard_lights(self._vehicle)
+        stage.sumo.given.flash_hazard_lights(self._vehicle)
 
     def advance(self, ego: EgoOnRoute, along_m: Float64Array) -> bool:
         """Stand until the ego has passed, and then, too."""

@@ -90,7 +90,8 @@ class RouteEvents:
         before_m = front_m if self._front_m is None else self._front_m
         self._front_m = front_m
         speed_mps = float(np.linalg.norm((front_m - before_m)[0, :2])) / self._tick_s
-        self._stood_s = self._stood_s + self._tick_s if speed_mps < STANDING_MPS else 0.0
+        stands = speed_mps < STANDING_MPS and self._next_tick() > 0
+        self._stood_s = self._stood_s + self._tick_s if stands else 0.0
         along_m = {row: progress.advance_to(front_m[row]).distance_m for row, progress in self._progress.items()}
         ego, busy = EgoOnRoute(along_m[0], speed_mps, self._stood_s), set[int]()
         for number, (motion, rows) in self._motions.items():
@@ -98,7 +99,8 @@ class RouteEvents:
             if record.end_tick is not None or busy.intersection(rows):
                 continue
             busy.update(rows)
-            if record.begin_tick is None and motion.begins(ego, own_m) and ego.front_m >= self._triggers_m[number]:
+            may_begin = self._next_tick() >= 0 and ego.front_m >= self._triggers_m[number]
+            if record.begin_tick is None and motion.begins(ego, own_m) and may_begin:
                 record.begin_tick = self._next_tick()
             if record.begin_tick is not None and motion.advance(ego, own_m):
                 record.end_tick = self._next_tick()

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.schema.scene.hazard import BlockedStretch
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 
 CLOSURE = "o"
@@ -17,6 +18,9 @@ _FOREVER_S = "1e8"
 _ASSERTIVE = "3"  # factor by which accepted gaps shrink
 _NO_RETURN_M = 5.0  # distance behind the area without lane changes, so that the rears of long vehicles clear it
 _SIDE_MARGIN_M = 0.2  # free width of the lane on each side of an obstacle
+_QUEUE_GAP_M, _STANDING_MPS = 5.0, 0.05
+_MIN_GAP_M = 0.05  # to a closure, beyond minGap
+_SHORTENING_M, _MAX_SHORTENING_M = 1.0, 4.0  # per call, and in all
 _STOP_M = 0.1  # from departure to stop; SUMO does not let a vehicle stop where it departs
 
 
@@ -70,6 +74,15 @@ def slow_near_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: 
                 pending.append(lane.edge)
     near = {lane.id: _SPEED_FACTOR * lane.speed_mps for lane in by_id.values() if lane.edge in ahead_m}
     return {**speeds_mps, **{name: min(speed, speeds_mps.get(name, speed)) for name, speed in near.items()}}
+
+
+def shorten_closure(name: str, full_length_m: float) -> None:
+    """Shorten an obstacle a little, which had a length at first, if a vehicle waits close behind it."""
+    follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
+    length_m = libsumo.vehicle.getLength(name)
+    stands = follower and gap_m < _MIN_GAP_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
+    if stands and length_m > full_length_m - _MAX_SHORTENING_M:
+        libsumo.vehicle.setLength(name, length_m - _SHORTENING_M)
 
 
 def _passable_stretches(spec: SceneSpec) -> list[BlockedStretch]:

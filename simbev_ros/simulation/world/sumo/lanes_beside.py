@@ -1,9 +1,19 @@
-"""The lanes beside that of a vehicle."""
+"""Lets vehicles leave their lane for the one beside."""
 
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 
+_CHANGE_S = 5.0
 
-def other_lane(name: str) -> int | None:
+
+def leave_lane(name: str) -> bool:
+    """Let a vehicle change lanes within some seconds; returns whether its edge has another lane for it."""
+    lane = _other_lane(name)
+    if lane is not None:
+        libsumo.vehicle.changeLane(name, lane, _CHANGE_S)
+    return lane is not None
+
+
+def _other_lane(name: str) -> int | None:
     """Index of the lane beside that of a vehicle, to the right if there is one; None: no lane is open to it."""
     edge, _, index = libsumo.vehicle.getLaneID(name).rpartition("_")
     if not edge or edge.startswith(":"):

@@ -15,9 +15,10 @@ from simbev_ros.simulation.world.driving.turning_room import RouteProgress
 from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 from simbev_ros.simulation.world.sumo import vehicle_routes
 from simbev_ros.simulation.world.sumo.arc_ahead import arc_ahead_m, curvature_per_m
-from simbev_ros.simulation.world.sumo.closures import CLOSURE
+from simbev_ros.simulation.world.sumo.closures import CLOSURE, shorten_closure
+from simbev_ros.simulation.world.sumo.given_motion import BRAKES_HARD, NO_CHECKS, GivenMotion
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
-from simbev_ros.simulation.world.sumo.lanes_beside import other_lane
+from simbev_ros.simulation.world.sumo.lanes_beside import leave_lane
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
 from simbev_ros.simulation.world.sumo.signals import PhaseChange
@@ -27,22 +28,10 @@ from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 _POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
-_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks except for comfortable deceleration
-_HEEDS_LEADERS = 1 + 32  # speed mode: a safe gap, no right of way
-_CHANGES_LANES = 1621  # SUMO's default lane change mode
-_FORCED_LATERAL_MPS, _FORCED_LATERAL_MPS2 = 1.8, "3"
 _ON_ROUTE = 1  # mode of moveToXY: on the vehicle's route
 _EMERGENCY_MPS2 = 8.0
-_QUEUE_GAP_M = 5.0
-_MAX_STOP_LINE_M = 10.0
-_MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
-    0.05,
-    1.0,
-    4.0,
-)  # gap to a closure beyond minGap; shortening per call, and in all
 _STANDING_MPS = 0.05
 _FOREVER_S = 1e8
-_CHANGE_S = 5.0
 _ANY_ARRIVAL_M = 1.0
 _AXES = 3
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
@@ -72,6 +61,7 @@ class SumoTraffic:
         vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
         pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
         progress: Where the vehicles are on their routes at the latest sample.
+        given: Motion that is given to some vehicles, which their drivers do not decide.
     """
 
     _running = False
@@ -122,17 +112,16 @@ class SumoTraffic:
         self._curvature_per_m: dict[str, float] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
         self._off_net: dict[str, dict[int, Any]] = {}
-        self._flashing: set[int] = set()
-        self._commanded: set[str] = set()  # vehicles whose speed is given
         self._cleared: set[str] = set()  # wrecks that have left the simulation
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
+        self.given = GivenMotion(self._vehicle_names, self._left_sign)
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         self._latest_points: dict[int, tuple[float, float, float]] = {}
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
         self.progress = RouteProgress((), np.zeros(0), ())
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
-            libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
+            libsumo.vehicle.setSpeedMode(name, BRAKES_HARD)
         for name in self._pedestrian_names:
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
@@ -167,7 +156,7 @@ class SumoTraffic:
                 vehicle = self._vehicle_names.index(name)
                 front_m[vehicle], axle_m[vehicle] = driven_m
             signals = np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64)
-            signals[list(self._flashing)] |= HAZARD_LIGHTS
+            signals[sorted(self.given.flashing)] |= HAZARD_LIGHTS
             return TrafficSample(
                 front_m,
                 axle_m,
@@ -211,7 +200,8 @@ class SumoTraffic:
             return
         name = self._vehicle_names[body]
         self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
-        libsumo.vehicle.setSpeedMode(name, _NO_CHECKS)
+        self.given.leave(name)
+        libsumo.vehicle.setSpeedMode(name, NO_CHECKS)
         libsumo.vehicle.setLaneChangeMode(name, 0)
         libsumo.vehicle.setSpeed(name, 0.0)
         x_m, y_m = front_m[:2].tolist()
@@ -283,53 +273,19 @@ class SumoTraffic:
         limits_mps.pop(reason, None)
         if speed_mps is not None:
             limits_mps[reason] = speed_mps
-        if name not in self._crashed and name not in self._driven and name not in self._commanded:
+        if name not in self._crashed and name not in self._driven and name not in self.given.moved:
             min_limit_mps = min(limits_mps.values(), default=np.inf)
             speed_mps = libsumo.vehicle.getSpeed(name)
             # SUMO takes a given speed as the desired one even if its driver would be slower.
             braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._step_s)
             libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
 
-    def command_speed(self, vehicle: int, speed_mps: float | None, heeds_leaders: bool = False) -> None:
-        """Give a vehicle its speed at the next step; None: its driver drives again.
-
-        It keeps its lane, yields to nobody in junctions, and brakes for those ahead on its lane only if it
-        ``heeds_leaders``.
-        """
-        name = self._vehicle_names[vehicle]
-        if name in self._crashed or name in self._driven:
-            return
-        if speed_mps is None:
-            self._commanded.discard(name)
-            mode = _BRAKES_HARD
-        else:
-            self._commanded.add(name)
-            mode = _HEEDS_LEADERS if heeds_leaders else _NO_CHECKS
-        libsumo.vehicle.setSpeedMode(name, mode)
-        libsumo.vehicle.setLaneChangeMode(name, _CHANGES_LANES if speed_mps is None else 0)
-        libsumo.vehicle.setSpeed(name, -1.0 if speed_mps is None else speed_mps)
-
-    def force_aside(self, vehicle: int, left_m: float) -> None:
-        """Let a vehicle whose speed is given move to the left at once, on other lanes too, regardless of others."""
-        name = self._vehicle_names[vehicle]
-        if name not in self._crashed:
-            libsumo.vehicle.setMaxSpeedLat(name, _FORCED_LATERAL_MPS)
-            libsumo.vehicle.setParameter(name, "laneChangeModel.lcAccelLat", _FORCED_LATERAL_MPS2)
-            libsumo.vehicle.changeSublane(name, self._left_sign * left_m)
-
-    def flash_hazard_lights(self, vehicle: int) -> None:
-        """Switch both blinkers of a vehicle on for good."""
-        self._flashing.add(vehicle)
-
     def leave_lane(self, vehicle: int) -> bool:
         """Let a vehicle change lanes within some seconds; returns whether its edge has another lane for it."""
         name = self._vehicle_names[vehicle]
-        if name in self._crashed or name in self._driven:
+        if name in self._crashed or name in self._driven or name in self.given.moved:
             return False
-        lane = other_lane(name)
-        if lane is not None:
-            libsumo.vehicle.changeLane(name, lane, _CHANGE_S)
-        return lane is not None
+        return leave_lane(name)
 
     def ignore_at_junctions(self, vehicle: int, others: Iterable[int]) -> None:
         """Let a vehicle pass junctions regardless of these others (indices in ``vehicles``), and of no one else."""
@@ -343,11 +299,7 @@ class SumoTraffic:
         For SUMO, a vehicle closer than its minimum gap is beside the obstacle, which then blocks it forever.
         """
         for name, full_length_m in self._closures.items():
-            follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
-            length_m = libsumo.vehicle.getLength(name)
-            stands = follower and gap_m < _MIN_CLOSURE_GAP_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
-            if stands and length_m > full_length_m - _MAX_SHORTENING_M:
-                libsumo.vehicle.setLength(name, length_m - _SHORTENING_M)
+            shorten_closure(name, full_length_m)
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
@@ -425,14 +377,7 @@ class SumoTraffic:
 
     def will_stand(self, vehicle: int, for_s: float) -> bool:
         """Whether a vehicle at rest will stay for this duration: in a queue, or at a red light that lasts as long."""
-        name = self._vehicle_names[vehicle]
-        leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
-        if leader and leader[1] < _QUEUE_GAP_M:
-            return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
-        for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
-            rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
-            return bool(state == "r" and distance_m < _MAX_STOP_LINE_M and rest_s >= for_s)
-        return False
+        return vehicle_routes.will_stand(self._vehicle_names[vehicle], for_s)
 
     def adapt_driver(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
         """Set a driver's desired speed, relative to the limit, and headway."""

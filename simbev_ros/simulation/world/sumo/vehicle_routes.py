@@ -9,6 +9,7 @@ _PATIENCE_S = 20.0  # time after which a driver who cannot get into the lane for
 _QUEUE_GAP_M = 5.0
 _FOREVER_S = 1e8
 _NOT_GREEN = "ryu"
+_STANDING_MPS, _MAX_STOP_LINE_M = 0.05, 10.0
 
 
 def ending_edge(name: str) -> str:
@@ -47,3 +48,14 @@ def stands_in_wrong_lane(name: str) -> bool:
     if any(state in _NOT_GREEN for _, _, _, _, _, state, *_ in libsumo.vehicle.getNextLinks(name)[:1]):
         return False
     return any(other == lane and offset for other, _, _, offset, *_ in libsumo.vehicle.getBestLanes(name))
+
+
+def will_stand(name: str, for_s: float) -> bool:
+    """Whether a vehicle at rest will stay for this duration: in a queue, or at a red light that lasts as long."""
+    leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
+    if leader and leader[1] < _QUEUE_GAP_M:
+        return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
+    for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
+        rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
+        return bool(state == "r" and distance_m < _MAX_STOP_LINE_M and rest_s >= for_s)
+    return False

@@ -48,6 +48,7 @@ from simbev_ros.ros.msgs.signing import Signer, signed_json
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.schema.boxes import BOX_DTYPE
+from simbev_ros.schema.scene.drive_spec import Command, DriveSpec, EventKind, EventSpec, RouteSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 from simbev_ros.schema.trajectories import TrackRecorder, tracks_to_npz
 from simbev_ros.schema.views import VIEW_DTYPE
@@ -63,6 +64,17 @@ _SENSORS: list[dict[str, Any]] = [
 ]
 _SPEC = made_up_spec(_SENSORS, ticks=2)
 _SCENE = _SPEC.model_dump_json().encode()
+_DRIVE = DriveSpec(
+    route=RouteSpec(
+        **dict.fromkeys(("x_m", "y_m", "z_m", "distance_m", "limit_mps"), (0.0, 1.0)),
+        lane=("a_0", "a_0"),
+        command=(Command.FOLLOW, Command.LEFT),
+    ),
+    goal_radius_m=5.0,
+    standstill_s=60.0,
+    off_route_m=30.0,
+    events=(EventSpec(kind=EventKind.CUT_IN, trigger_m=0.5, vehicles=(0,), parameters={"speed_mps": 3.0}),),
+)
 _IMAGE = np.arange(12, dtype=np.uint8).reshape(3, 4)
 _ENTRY: prediction_bags.Entry = ("car", 0.5, (1, 2, 3), (4, 2, 1.5), (0, 0, 0.1, 0.995))
 _EVENT = {"type": "collision", "tick": 2, "ids": [1, 7], "position_m": [1.0, 2.0, 0.5], "relative_speed_mps": 3.0}
@@ -91,6 +103,12 @@ agents:
   - {name: bus, rig: {sensors: []}, blueprint: vehicle.bus, spawn: [{x_m: 1, y_m: 2}], annotation: {box_radius_m: 9}}
 """
 
+_ROUTES = """scenes: [{map: Blocks, train: 1}]
+rig: {sensors: []}
+ego: {driver: ackermann}
+drive: {route: {Blocks: [{lane: a_0, s_m: 2}, {x_m: 1, y_m: 2}]}, goal_m: [20, 30], timeout_s: 9}
+"""
+
 _OSM = """\
 <?xml version="1.0"?>
 <osm version="0.6">
@@ -115,6 +133,7 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     """Yield target, name and content of each sample."""
     yield "configuration", "valid", _CONFIGURATION.encode()
     yield "configuration", "valid_agents", _AGENTS.encode()
+    yield "configuration", "valid_drive", _ROUTES.encode()
     yield from (("opendrive", name, text.encode()) for name, text in _opendrive().items())
     yield "osm", "valid", _OSM.encode()
     yield "lanelet2", "valid", _lanelets().encode()
@@ -124,6 +143,7 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield "bag", "valid_cut_off", _bag(_scene_messages(), CompressionType.NONE)[:-1000]
     yield "prediction_bag", "valid", _bag(_prediction_messages(), CompressionType.NONE)
     yield "scene", "valid", _SCENE
+    yield "scene", "valid_drive", _SPEC.model_copy(update={"drive": _DRIVE}).model_dump_json().encode()
     yield (
         "plan",
         "valid",

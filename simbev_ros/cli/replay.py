@@ -70,7 +70,7 @@ def replay(
         raise InputError("--merge records next to the replayed bags; give neither --out nor --live with it")
     ros, count = ros_arguments(context, namespace), worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
-        scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
+        scenario = with_evaluation(load_scenario(config).for_replay(), evaluate, stack or ())
         _play(bags, scenario, out, merge, live=live, ros=ros)
         return
     one_graph = {"--live": live, "--evaluate": evaluate is not None, "--stack": bool(stack)}

@@ -73,6 +73,11 @@ class Ego(Model):
     )
     v2x: bool = Field(True, description="whether the agent sends and receives messages, if there is a section `v2x`")
 
+    @property
+    def is_commanded(self) -> bool:
+        """Whether an outside node drives the vehicle by stamped commands."""
+        return self.driver not in ("traffic", "twist")
+
     def spawn_on(self, map_name: str) -> tuple[Keys, tuple[SpawnPose, ...]]:
         """The field with the start poses on a map, and these poses."""
         keys, poses = poses_on(self.spawn, map_name)

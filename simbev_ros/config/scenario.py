@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import yaml
 from pydantic import Field, field_validator, model_validator
@@ -40,6 +40,8 @@ DepthForm = Literal["png", "rvl"]
 """Compression of depth images."""
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
+
+A = TypeVar("A", bound=Ego)
 
 _MIN_DURATION_S = 0.001
 _TICK_TOLERANCE = 2.5e-3
@@ -254,13 +256,21 @@ class Scenario(Model):
         """Whether no agent is driven from outside."""
         return all(agent.driver == "traffic" for agent in (self.ego, *self.agents))
 
+    def for_replay(self) -> Self:
+        """A copy in which no vehicle waits for stamped commands, as all of them move as they were recorded."""
+
+        def undriven(agent: A) -> A:
+            return agent.model_copy(update={"driver": "traffic"}) if agent.is_commanded else agent
+
+        return self.model_copy(update={"ego": undriven(self.ego), "agents": tuple(map(undriven, self.agents))})
+
     @property
     def participants(self) -> tuple[str, ...]:
         """Outside nodes on /sync/ready for which the world waits, including evaluated stacks and drivers."""
         stacks = (name for agent in self.evaluated_agents for name in agent.participants)
-        drivers = [(self.rig.agent, self.ego.driver)]
-        drivers += [(name, agent.driver) for agent in self.agents for name in agent.names(agent.max_count)]
-        driving = (driver_participant(name) for name, driver in drivers if driver not in ("traffic", "twist"))
+        commanded = [self.rig.agent] if self.ego.is_commanded else []
+        commanded += [name for each in self.agents if each.is_commanded for name in each.names(each.max_count)]
+        driving = map(driver_participant, commanded)
         return tuple(dict.fromkeys((*self.graph.participants, *stacks, *driving)))
 
     @property

@@ -54,3 +54,13 @@ def test_contradictions_are_one_line_with_the_field(more: str, problem: str) -> 
 
 def test_no_section_leaves_no_trace_in_the_stored_configuration() -> None:
     assert "\ndrive:" not in parse_scenario(BASE, "my.yaml").as_yaml()
+
+
+def test_drivers_by_stamped_commands_are_waited_for_but_not_in_replays() -> None:
+    agents = "ego: {driver: path}\nagents: [{name: bus, rig: {sensors: []}, driver: ackermann, count: 2}]\n"
+    scenario = parse_scenario(BASE + agents, "my.yaml")
+    assert scenario.participants == ("ego_driver", "bus_1_driver", "bus_2_driver")
+    replayed = scenario.for_replay()
+    assert (replayed.participants, replayed.is_driven_by_traffic) == ((), True)
+    twist = parse_scenario(BASE + "ego: {driver: twist}", "my.yaml")
+    assert (twist.participants, twist.for_replay()) == ((), twist)

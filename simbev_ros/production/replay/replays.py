@@ -84,7 +84,7 @@ def replay_bags(
         >>> result = replay_bags("night.yaml", ["datasets/first"], out="datasets/night", workers=4)
         >>> print(len(result.recorded), "recorded,", dict(result.failed))
     """
-    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    loaded = (scenario if isinstance(scenario, Scenario) else load_scenario(scenario)).for_replay()
     out = None if out is None else Path(out)
     check_workers(workers, ray)
     _require_recordable(loaded, out, merge)

@@ -179,7 +179,7 @@ class WorldNode(GraphNode):
             self.advertise(topic)
         self.advertise_derived(spec)
         self._transforms.start_scene(spec)
-        for view in views:
+        for view in views if request.replay is None else ():
             self._follow_commands(view)
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from geometry_msgs.msg import PoseStamped
 from made_up_scene import made_up_spec
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -16,9 +17,9 @@ from std_msgs.msg import Header, String
 from waiting import wait_until
 
 from simbev_ros import join
-from simbev_ros.join import Lockstep
+from simbev_ros.join import Driver, Lockstep
 from simbev_ros.ros.msgs.signing import Signer
-from simbev_ros.ros.msgs.stamps import time_message
+from simbev_ros.ros.msgs.stamps import header, stamp_of, time_message
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -26,7 +27,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FIRST = made_up_spec([{"type": "gnss", "name": "gnss"}], ticks=20)
 SECOND = FIRST.model_copy(update={"number": FIRST.number + 1})
-NAME = "mine"
+NAME, DRIVER = "mine", "mine_driver"
 
 
 class World:
@@ -55,7 +56,7 @@ class World:
         self._scene.publish(String(data=spec.model_dump_json()))
 
     def _on_ready(self, message: Header) -> None:
-        report = read_report(message, Signer("key"), [NAME])
+        report = read_report(message, Signer("key"), [NAME, DRIVER])
         self.reports.append(report)
         self.lockstep.record_report(report)
 
@@ -204,4 +205,35 @@ def test_the_helper_imports_only_ros_and_the_standard_library() -> None:
     names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     names |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
     tops = {str(name).partition(".")[0] for name in names}
-    assert tops == {"__future__", "builtin_interfaces", "collections", "json", "rclpy", "std_msgs", "time", "typing"}
+    standard = {"__future__", "collections", "functools", "json", "time", "typing"}
+    assert tops == {*standard, "builtin_interfaces", "rclpy", "std_msgs"}
+
+
+def test_a_driver_answers_whole_sets_of_inputs_with_a_command_for_each_tick(world: World) -> None:
+    decided: list[set[str]] = []
+    commands: list[PoseStamped] = []
+
+    def decide(inputs: dict[str, PoseStamped], scene: dict[str, object]) -> PoseStamped:
+        decided.append({*inputs})
+        assert scene["number"] == FIRST.number
+        return PoseStamped()
+
+    world.appear()
+    inputs = {"/ego/a": PoseStamped, "/ego/b": PoseStamped}
+    driver = Driver(world.stack, decide, inputs, ("/mine/command", PoseStamped), period_ticks=2)
+    world.lockstep = LockstepWindow([DRIVER], 3, outside=[DRIVER])
+    assert world.node is not None
+    a, b = (world.node.create_publisher(PoseStamped, name, 10) for name in inputs)
+    world.announce(FIRST)
+    world.spin(1.0)
+    assert not world.reports  # nobody hears its commands
+    world.node.create_subscription(PoseStamped, "/mine/command", commands.append, 10)
+    world.spin_until(lambda: world.lockstep.all_loaded)
+    a.publish(PoseStamped(header=header(FIRST.stamp_ns(0), "")))
+    world.spin(0.3)
+    assert decided == []
+    b.publish(PoseStamped(header=header(FIRST.stamp_ns(0), "")))
+    world.spin_until(lambda: len(commands) == 2 and world.lockstep.finished_by_all() == 1)
+    assert [stamp_of(each.header.stamp) for each in commands] == [FIRST.stamp_ns(tick) for tick in (0, 1)]
+    assert decided == [{"/ego/a", "/ego/b"}]
+    driver.lockstep.close()

@@ -1,10 +1,27 @@
 """The referee on hand-made drives whose infractions follow from their geometry."""
 
+import analytic_maps
 import numpy as np
 import pytest
-from drive_cases import LEFT_M, LIMIT_MPS, RIGHT_M, TICK_S, actor, braking, drive, network, spec, straight, with_lane
+from drive_cases import (
+    EGO_ID,
+    LEFT_M,
+    LIMIT_MPS,
+    RIGHT_M,
+    TICK_S,
+    actor,
+    braking,
+    drive,
+    network,
+    spec,
+    state,
+    straight,
+    with_lane,
+)
 
 from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
+from simbev_ros.evaluation.driving.moment import Moment
+from simbev_ros.evaluation.driving.rules.lanes import RoadPlaces
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.scene.state import Behavior, SignalState
@@ -164,6 +181,25 @@ def test_off_the_road_counts_from_30_cm_beyond_the_pavement() -> None:
         assert referee.record.outside_m == 0.0
     referee, _ = drive(lambda t: (10.0 + 10.0 * t, RIGHT_M if t <= 5.0 else -4.2, 0.0), 10.0)
     assert referee.record.outside_share == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_bridge_is_one_road_with_those_before_and_behind_it_and_apart_from_the_one_below() -> None:
+    places = RoadPlaces(analytic_maps.crossing())
+
+    def at(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> Moment:
+        row = actor(EGO_ID, straight(0.0, x_m, y_m, yaw_rad), 0.0)
+        row["z"] = z_m
+        return Moment(state(spec(), 0, [row]), TICK_S, None, 0.0)
+
+    for x_m in np.arange(100.0, 400.0, 7.3).tolist():
+        above = at(x_m, 252.625, 7.0 * np.exp(-(((x_m - 256.0) / 110.0) ** 4)), 0.0)
+        assert places.off_road_m(above, above.corners_m).max() == 0.0, x_m
+        assert places.lane_headings(above) == pytest.approx(np.array([[1.0, 0.0]]))
+    below = at(257.75, 252.0, 0.0, np.pi / 2)
+    assert places.off_road_m(below, below.corners_m).max() == 0.0
+    assert places.lane_headings(below) == pytest.approx(np.array([[0.0, 1.0]]))
+    beside = at(265.0, 252.0, 0.0, np.pi / 2)
+    assert places.off_road_m(beside, beside.corners_m).max() > 3.0
 
 
 def test_the_limit_in_a_junction_is_the_highest_of_the_lanes_around() -> None:

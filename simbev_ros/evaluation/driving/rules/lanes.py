@@ -19,6 +19,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons, surfaces_of
 
 _TILE_M, _MARGIN_M = 64.0, 24.0
+_LEVEL_M = 3.0  # lanes nearer in height are on the level of the ego
 _OFF_ROAD_M = 0.3
 _ONCOMING_M, _WINDOW_S = 2.0, 1.0
 _TOLERATED_MPS = 0.5  # only for the list of infractions; scores count any excess
@@ -36,13 +37,28 @@ class RoadPlaces:
         self._tree = shapely.STRtree(self._areas)
         self._tiles: dict[tuple[int, int, int], BaseGeometry] = {}
 
-    def level(self, moment: Moment) -> int:
-        """Level of the road that the ego is on, or nearest to."""
-        nearest = self._network.lane_strips.index.nearest(moment.position_m[None], np.array([moment.yaw_rad]))
-        return self._strips[int(nearest.row[0])].level
-
-    def off_road_m(self, moment: Moment, points_m: Float64Array, level: int) -> Float64Array:
+    def off_road_m(self, moment: Moment, points_m: Float64Array) -> Float64Array:
         """(K,) distances of (K, 2) points near the ego from the paved ground; 0 on it."""
+        nearest = self._network.lane_strips.index.nearest(moment.position_m[None], np.array([moment.yaw_rad]))
+        levels = {self._strips[row].level for row in [int(nearest.row[0]), *self._strips_at(moment, moment.footprint)]}
+        points = shapely.points(points_m)
+        return np.min([shapely.distance(self._paved(moment, level), points) for level in sorted(levels)], axis=0)
+
+    def lane_headings(self, moment: Moment) -> Float64Array:
+        """(L, 2) directions of the lanes that contain the ego's center."""
+        point = shapely.Point(moment.position_m[:2])
+        headings = [_heading_at(self._strips[row].center_m, point) for row in self._strips_at(moment, point)]
+        return np.array(headings, np.float64).reshape(-1, 2)
+
+    def _strips_at(self, moment: Moment, shape: BaseGeometry) -> list[int]:
+        """Rows of the lanes that a shape touches in plan, at about the height of the ego."""
+        rows, here_m = sorted(self._tree.query(shape, "intersects").tolist()), moment.position_m
+        lines = [self._strips[row].center_m for row in rows]
+        heights_m = [line_m[np.argmin(np.hypot(*(line_m[:, :2] - here_m[:2]).T)), 2] for line_m in lines]
+        return [row for row, height_m in zip(rows, heights_m, strict=True) if abs(height_m - here_m[2]) < _LEVEL_M]
+
+    def _paved(self, moment: Moment, level: int) -> BaseGeometry:
+        """The paved ground of a level around the ego."""
         column, row = np.floor(moment.position_m[:2] / _TILE_M).astype(int).tolist()
         key = (level, column, row)
         if key not in self._tiles:
@@ -51,14 +67,7 @@ class RoadPlaces:
             surfaces = surfaces_of(self._network.layout, level, area)
             self._tiles[key] = shapely.union_all([surfaces.road, surfaces.shoulder])
             shapely.prepare(self._tiles[key])
-        return np.asarray(shapely.distance(self._tiles[key], shapely.points(points_m)), np.float64)
-
-    def lane_headings(self, moment: Moment, level: int) -> Float64Array:
-        """(L, 2) directions of the lanes that contain the ego's center."""
-        point = shapely.Point(moment.position_m[:2])
-        rows = [row for row in self._tree.query(point, "intersects").tolist() if self._strips[row].level == level]
-        headings = [_heading_at(self._strips[row].center_m, point) for row in sorted(rows)]
-        return np.array(headings, np.float64).reshape(-1, 2)
+        return self._tiles[key]
 
     def keeps_to_one_lane(self, moment: Moment) -> bool:
         """Whether one lane contains the whole footprint of the ego."""
@@ -102,10 +111,9 @@ class LaneRule:
 
     def judge(self, moment: Moment) -> Iterator[Infraction]:
         """Yield the infractions that begin."""
-        level = self._places.level(moment)
         corners_m = np.concatenate([moment.corners_m, moment.position_m[None, :2]])
-        *off_m, center_off_m = self._places.off_road_m(moment, corners_m, level).tolist()
-        against_m = self._against_m(moment, self._places.lane_headings(moment, level))
+        *off_m, center_off_m = self._places.off_road_m(moment, corners_m).tolist()
+        against_m = self._against_m(moment, self._places.lane_headings(moment))
         self._oncoming_m.append(against_m)
         while len(self._oncoming_m) > max(1, round(_WINDOW_S / moment.tick_s)):
             self._oncoming_m.popleft()

@@ -21,13 +21,9 @@ def crash(cleared_s: float | None) -> list[WorldState]:
     spec = with_agents(spec, car("standing", 1, driver="twist"))
     states = []
     with Simulation(spec, blocks()) as simulation:
-        sumo = simulation._sumo
-        sumo.limit_speed(0, "test", 0.0)
         for step in range(spec.warm_up_ticks + spec.ticks):
             if 20 <= step < 120:
                 simulation.drive_vehicle(1, -5.0, 0.0)
-            if step == 160:
-                sumo.limit_speed(0, "test", None)
             states.append(simulation.step())
     return states
 

@@ -131,6 +131,11 @@ class Actors:
         """Number of ticks by which the tables are behind SUMO."""
         return self._motion.delay_ticks
 
+    @property
+    def commanded_delay_ticks(self) -> int:
+        """Likewise for vehicles that follow commands."""
+        return self._motion.unsmoothed_delay_ticks
+
     def advance_actors(self, sample: TrafficSample, step: int) -> Table:
         """Advance by one tick; returns (N,) ``ACTOR_DTYPE``. ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)

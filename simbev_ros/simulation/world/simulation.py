@@ -112,7 +112,8 @@ class Simulation:
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
             self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
-            self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
+            delay_ticks, heights_m = self._actors.commanded_delay_ticks, self._actors.ground.heights_m
+            self._outside_drivers = OutsideDrivers(spec, network, self._sumo, heights_m, delay_ticks)
             self._route_events = RouteEvents(
                 spec, self._population, self._actors, self.weather, lambda: self._steps - spec.warm_up_ticks + 1
             )

@@ -35,6 +35,7 @@ class OutsideDrivers:
         network: RoadNetwork,
         sumo: SumoTraffic,
         heights_m: Callable[[Float64Array], Float64Array],
+        delay_ticks: int = 0,
     ) -> None:
         """Start at rest, where SUMO has placed the vehicles.
 
@@ -45,8 +46,9 @@ class OutsideDrivers:
             network: Its roads.
             sumo: SUMO's traffic.
             heights_m: Function from (N, 3) points, roughly at road height, to the (N,) heights of the road.
+            delay_ticks: Number of ticks by which poses are published later: planned times are those of published poses.
         """
-        self._sumo = sumo
+        self._sumo, self._delay_ticks = sumo, delay_ticks
         self._drivers: dict[int, EgoDriver | CommandedDriver] = {}
         self._spec, by_commands = spec, driven_by_commands(spec)
         driven = driven_from_outside(spec)
@@ -88,7 +90,7 @@ class OutsideDrivers:
         """
         for vehicle, driver in self._drivers.items():
             if isinstance(driver, CommandedDriver):
-                driver.advance_tick(self._spec.stamp_ns(tick - 1), road_friction(weather.at(tick)))
+                driver.advance_tick(self._spec.stamp_ns(tick - 1 + self._delay_ticks), road_friction(weather.at(tick)))
             else:
                 driver.advance_tick()
             self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)

@@ -180,7 +180,12 @@ class Motion:
     @property
     def delay_ticks(self) -> int:
         """Number of points by which the returned kinematics are behind the newest point."""
-        return self._point_window.half_ticks + self._plan_window.half_ticks + 1
+        return self._point_window.half_ticks + self.unsmoothed_delay_ticks
+
+    @property
+    def unsmoothed_delay_ticks(self) -> int:
+        """Likewise for points that are not averaged."""
+        return self._plan_window.half_ticks + 1
 
     def advance_motion(self, point_m: Float64Array, axle_m: Float64Array | None = None) -> Kinematics:
         """Take the next (G - T, 4) leading points and (G - T, 3) rear axles as at the start.

@@ -1,0 +1,36 @@
+"""Runs a driver until Ctrl-C: ``python -m simbev_ros.baselines.driving truth``, next to ``simbev run``."""
+
+import argparse
+import sys
+
+import rclpy
+import rclpy.utilities
+from rclpy.executors import ExternalShutdownException
+
+from simbev_ros.baselines.driving.drivers import DriverKind
+from simbev_ros.baselines.driving.node import RouteDriverNode
+from simbev_ros.ros.conventions.arguments import split_ros_arguments
+
+
+def main() -> int:
+    """Run the node until SIGINT or SIGTERM; return the exit code."""
+    own, of_ros = split_ros_arguments(sys.argv[1:])
+    parser = argparse.ArgumentParser(prog="python -m simbev_ros.baselines.driving", description="Drives a route.")
+    parser.add_argument("driver", choices=[each.value for each in DriverKind], help="what drives")
+    parser.add_argument("--agent", default="ego", help="name of the agent that is driven")
+    options = parser.parse_args(own)
+    rclpy.init(args=["--ros-args", *of_ros])
+    node = rclpy.create_node(f"{options.agent}_driver")
+    try:
+        RouteDriverNode(node, DriverKind(options.driver), options.agent)
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        node.destroy_node()
+        rclpy.utilities.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

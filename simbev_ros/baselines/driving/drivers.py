@@ -1,0 +1,140 @@
+"""Drives a scene's route with the planner of the reference stack: messages of a tick in, planned positions out.
+
+The drivers differ in what they are told. ``truth`` knows all actors, lights and signs. ``learned`` knows the boxes that
+the lidar baseline has found, and the map; it sees no lights, so it runs red ones. ``constant`` drives at 8 m/s whatever
+happens.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.layout import SignKind
+from simbev_ros.reference_stack.driving.planner import Others, Planner, ends_of
+from simbev_ros.reference_stack.driving.route_line import RouteLine
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.state import EGO_ID, SignalState
+
+_CONSTANT_MPS, _CONSTANT_MPS2 = 8.0, 2.0
+_MIN_SCORE = 0.3
+_STOP_ZONE_M, _STANDING_MPS = 3.5, 0.08  # a stop sign is served by standing so near to its line
+_YELLOW_MPS2 = 2.5  # braking that a yellow light is worth
+_RED = (SignalState.RED, SignalState.RED_YELLOW)
+
+
+class DriverKind(StrEnum):
+    """Driver."""
+
+    TRUTH = "truth"
+    LEARNED = "learned"
+    CONSTANT = "constant"
+
+
+class RouteDriver:
+    """Drives one scene.
+
+    Args:
+        kind: The driver.
+        scene: The object of /world/scene.
+    """
+
+    def __init__(self, kind: DriverKind, scene: Mapping[str, Any]) -> None:
+        self._kind, self._tick_s = kind, scene["tick_ns"] * 1e-9
+        agent = scene["agents"][0]
+        blueprint = blueprint_named(scene["vehicles"][agent["vehicle"]]["blueprint"])
+        self._center_m, self._axle_m = -agent["base_link_x_m"], blueprint.wheelbase_m / 2.0
+        self._length_m, self._line = blueprint.size_m[0], RouteLine(scene["drive"]["route"])
+        self._planner = Planner(self._line, blueprint.size_m[0], blueprint.size_m[1], self._tick_s)
+        network = load_network(MapSpec.model_validate(scene["map"]))
+        heads: dict[str, list[int]] = {}
+        for row, signal in enumerate(network.signals):
+            heads.setdefault(signal.lane, []).append(row)
+        ends = ends_of(self._line.lanes, self._line.distance_m, frozenset(heads))
+        self._lights = [(end_m, heads[lane]) for lane, end_m in ends]
+        signed = frozenset(lane for sign in network.layout.signs if sign.kind is SignKind.STOP for lane in sign.lanes)
+        self._signs_m = [end_m for _, end_m in ends_of(self._line.lanes, self._line.distance_m, signed)]
+
+    def positions(
+        self, pose: Float64Array, speed_mps: float, actors: Table | None, boxes: Table | None, signals: Table | None
+    ) -> Float64Array:
+        """(K, 2) positions of the center of the rear axle at the next ticks, map frame; the first one is the present.
+
+        Args:
+            pose: (3,) position and heading of base_link, map frame.
+            speed_mps: Speed.
+            actors: Rows of /world/actors; None: unknown.
+            boxes: Rows of /prediction/boxes; None: unknown.
+            signals: Rows of /world/signals; None: unknown.
+        """
+        ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
+        center_m = pose[:2] + self._center_m * ahead
+        start_m = self._planner.advance_to(center_m)
+        if self._kind is DriverKind.CONSTANT:
+            return self._line.points_at(self._constant(start_m, speed_mps) - self._axle_m)
+        others = _actors(actors) if actors is not None else _boxes(boxes, center_m, pose[2], self._length_m)
+        front_m = start_m + self._length_m / 2.0
+        stops_m = [*self._red_lights(signals, front_m, speed_mps), *self._stop_signs(front_m, speed_mps)]
+        return self._line.points_at(self._planner.plan(speed_mps, others, stops_m).distance_m - self._axle_m)
+
+    def _constant(self, start_m: float, speed_mps: float) -> Float64Array:
+        time_s = np.arange(60) * self._tick_s
+        gain_s = max(_CONSTANT_MPS - speed_mps, 0.0) / _CONSTANT_MPS2
+        speeding_s = np.minimum(time_s, gain_s)
+        distances: Float64Array = (
+            start_m
+            + speed_mps * speeding_s
+            + _CONSTANT_MPS2 * speeding_s**2 / 2.0
+            + _CONSTANT_MPS * (time_s - speeding_s)
+        )
+        return distances
+
+    def _red_lights(self, signals: Table | None, front_m: float, speed_mps: float) -> list[float]:
+        """Distances along the route of the lines to stop at."""
+        found = []
+        for line_m, rows in self._lights if signals is not None and len(signals) else ():
+            states, left_m = signals["state"][rows], line_m - front_m  # type: ignore[index]
+            yellow = (states == SignalState.YELLOW).all() and left_m > speed_mps**2 / (2.0 * _YELLOW_MPS2)
+            if left_m > 0.0 and (yellow or np.isin(states, _RED).all()):
+                found.append(line_m)
+        return found
+
+    def _stop_signs(self, front_m: float, speed_mps: float) -> list[float]:
+        """Distances along the route of lines with signs at which the vehicle has not stood yet."""
+        served = [each for each in self._signs_m if each - front_m < _STOP_ZONE_M and speed_mps < _STANDING_MPS]
+        self._signs_m = [each for each in self._signs_m if each > front_m and each not in served]
+        return self._signs_m
+
+
+def _actors(actors: Table) -> Others:
+    """All actors but the ego and those that ride in or on others."""
+    rows = actors[(actors["id"] != EGO_ID) & (actors["parent"] == 0)]
+    velocity, acceleration = (np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in ("vx vy".split(), "ax ay".split()))
+    speed = np.linalg.norm(velocity, axis=1)
+    along = np.einsum("ni,ni->n", velocity, acceleration) / np.maximum(speed, 0.1)
+    return _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))
+
+
+def _boxes(boxes: Table | None, center_m: Float64Array, yaw_rad: float, length_m: float) -> Others:
+    """Likely boxes that are not the ego itself."""
+    if boxes is None:
+        raise ValueError("neither actors nor boxes are known")
+    seen_m = np.stack([boxes["x"], boxes["y"]], axis=1) - center_m
+    along_m, left_m = seen_m @ [np.cos(yaw_rad), np.sin(yaw_rad)], seen_m @ [-np.sin(yaw_rad), np.cos(yaw_rad)]
+    is_own = (np.abs(along_m) < length_m / 2.0) & (np.abs(left_m) < 1.0)
+    rows = boxes[(boxes["score"] >= _MIN_SCORE) & ~is_own]
+    return _others(rows, np.zeros(len(rows)), np.zeros(len(rows)))
+
+
+def _others(rows: Table, braking_mps2: Float64Array, turn_radps: Float64Array) -> Others:
+    def pair(first: str, second: str) -> Float64Array:
+        return np.stack([rows[first], rows[second]], axis=1, dtype=np.float64)
+
+    return Others(
+        pair("x", "y"), rows["yaw"].astype(np.float64), pair("vx", "vy"), turn_radps, braking_mps2,
+        pair("length", "width"),
+    )

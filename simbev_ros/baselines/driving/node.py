@@ -1,0 +1,64 @@
+"""The drivers as ROS nodes: the messages of a tick in, a nav_msgs/Path with the next positions out."""
+
+import math
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from simbev_ros.baselines.driving.drivers import DriverKind, RouteDriver
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.join import Driver
+from simbev_ros.reference_stack.messages import table_of
+from simbev_ros.reference_stack.pipeline import BOX_DTYPE
+from simbev_ros.ros.msgs.stamps import header, stamp_of
+from simbev_ros.ros.msgs.world import MAP_FRAME, actors_from_message, map_from_base_link, signals_from_message
+
+_ACTORS, _SIGNALS, _BOXES = "/world/actors", "/world/signals", "/prediction/boxes"
+
+
+class RouteDriverNode:
+    """Drives the vehicle of an agent in lockstep.
+
+    Args:
+        node: The node.
+        kind: The driver.
+        agent: Name of the agent.
+    """
+
+    def __init__(self, node: Node, kind: DriverKind, agent: str) -> None:
+        self._kind, self._odometry = kind, f"/{agent}/odom"
+        self._scene: dict[str, Any] | None = None
+        self._driver: RouteDriver | None = None
+        inputs: dict[str, Any] = {self._odometry: Odometry}
+        if kind is DriverKind.TRUTH:
+            inputs |= {_ACTORS: PointCloud2, _SIGNALS: PointCloud2}
+        if kind is DriverKind.LEARNED:
+            inputs |= {_BOXES: PointCloud2}
+        Driver(node, self._decide, inputs, (f"/{agent}/planned_path", Path))
+
+    def _decide(self, inputs: dict[str, Any], scene: dict[str, Any]) -> Path:
+        if scene is not self._scene or self._driver is None:
+            self._scene, self._driver = scene, RouteDriver(self._kind, scene)
+        odometry = inputs[self._odometry]
+        pose = map_from_base_link(odometry)
+        twist, stamp_ns = odometry.twist.twist.linear, stamp_of(odometry.header.stamp)
+        actors = actors_from_message(inputs[_ACTORS]) if _ACTORS in inputs else None
+        signals = signals_from_message(inputs[_SIGNALS]) if _SIGNALS in inputs else None
+        boxes = table_of(inputs[_BOXES], BOX_DTYPE) if _BOXES in inputs else None
+        where = (float(pose[0, 3]), float(pose[1, 3]), math.atan2(pose[1, 0], pose[0, 0]))
+        positions_m = self._driver.positions(np.array(where), twist.x, actors, boxes, signals)
+        return path_message(positions_m, stamp_ns, scene["tick_ns"])
+
+
+def path_message(positions_m: Float64Array, stamp_ns: int, tick_ns: int) -> Path:
+    """Path through (K, 2) positions, map frame, the first at a stamp and then one for each tick."""
+    message = Path(header=header(stamp_ns, MAP_FRAME))
+    for tick, (x_m, y_m) in enumerate(positions_m.tolist()):
+        pose = PoseStamped(header=header(stamp_ns + tick * tick_ns, MAP_FRAME))
+        pose.pose.position.x, pose.pose.position.y = x_m, y_m
+        message.poses.append(pose)
+    return message

@@ -1,0 +1,216 @@
+"""The planner: where a vehicle will be along its route in the next seconds.
+
+It follows the route's center line at the speeds of ``RouteLine``, behind what is ahead by the Intelligent Driver Model
+(Treiber et al., Physical Review E 62, 2000), up to lines where it has to stop, and lets pass what would cross its path
+at the time at which it gets there itself. Others are predicted with constant turn rate, and deceleration until they
+stand.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.reference_stack.arrays import Booleans, Floats
+from simbev_ros.reference_stack.driving.route_line import RouteLine
+
+_SPEEDING_UP_MPS2, _BRAKING_MPS2, _MAX_BRAKING_MPS2 = 1.5, 2.0, 7.5
+_JERK_MPS3, _EMERGENCY_JERK_MPS3, _EMERGENCY_MPS2 = 3.0, 40.0, -3.5
+_HEADWAY_S, _GAP_M = 1.3, 2.5
+_SEEN_M, _HORIZON_S, _STEP_S = 80.0, 4.0, 0.5
+_BEFORE_S, _AFTER_S = 1.2, 0.8  # time that stays between the vehicle and what crosses its path
+_MARGIN_M, _STOP_M = 0.35, 1.0  # beside others, and before lines and crossing paths
+_PLANNED_S = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Others:
+    """N other road users and obstacles, map frame.
+
+    Attributes:
+        position_m: (N, 2) centers.
+        yaw_rad: (N,) headings.
+        velocity_mps: (N, 2) velocities.
+        turn_radps: (N,) yaw rates.
+        braking_mps2: (N,) decelerations, 0 or more.
+        size_m: (N, 2) lengths and widths.
+    """
+
+    position_m: Floats
+    yaw_rad: Floats
+    velocity_mps: Floats
+    turn_radps: Floats
+    braking_mps2: Floats
+    size_m: Floats
+
+    def chosen(self, rows: Booleans) -> "Others":
+        """Some of them."""
+        return Others(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def predicted(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """(N, T, 2) centers and (N, T) headings at (T,) times from now."""
+        speed_mps = np.linalg.norm(self.velocity_mps, axis=1)[:, None]
+        stop_s = speed_mps / np.maximum(self.braking_mps2[:, None], 1e-6)
+        moved_s = np.minimum(time_s, stop_s)
+        way_m = speed_mps * moved_s - self.braking_mps2[:, None] * moved_s**2 / 2.0
+        turned_rad = self.turn_radps[:, None] * moved_s
+        course_rad = np.arctan2(self.velocity_mps[:, 1], self.velocity_mps[:, 0])[:, None] + turned_rad / 2.0
+        step_m = np.stack([way_m * np.cos(course_rad), way_m * np.sin(course_rad)], axis=2)
+        return self.position_m[:, None] + step_m, self.yaw_rad[:, None] + turned_rad
+
+
+class Lead(NamedTuple):
+    """Something ahead on the path: distance from the front of the vehicle, and speed along the route."""
+
+    gap_m: float
+    speed_mps: float
+
+
+class Motion(NamedTuple):
+    """A planned motion: (K,) distances along the route, (K,) speeds and (K,) accelerations at multiples of a tick."""
+
+    distance_m: Floats
+    speed_mps: Floats
+    acceleration_mps2: Floats
+
+    def time_at(self, distance_m: float, tick_s: float) -> float:
+        """Time at which a distance is reached; infinite: not within the plan."""
+        reached = np.flatnonzero(self.distance_m >= distance_m)
+        return float(reached[0]) * tick_s if len(reached) else np.inf
+
+
+class Planner:
+    """Plans tick by tick for one vehicle in one scene.
+
+    Args:
+        line: The route.
+        length_m: Length of the vehicle.
+        width_m: Its width.
+        tick_s: Time between planned positions, and between two calls.
+    """
+
+    def __init__(self, line: RouteLine, length_m: float, width_m: float, tick_s: float) -> None:
+        self._line, self._length_m, self._width_m, self._tick_s = line, length_m, width_m, tick_s
+        self._distance_m = self._acceleration_mps2 = 0.0
+
+    def advance_to(self, position_m: Floats) -> float:
+        """Distance along the route of the vehicle's center, (2,), of which the last one was near."""
+        found_m, _ = self._line.project(position_m[None], self._distance_m - 10.0, self._distance_m + 30.0)
+        self._distance_m = float(found_m[0])
+        return self._distance_m
+
+    def plan(self, speed_mps: float, others: Others, stops_m: Sequence[float]) -> Motion:
+        """Plan from the position of the last ``advance_to``.
+
+        Args:
+            speed_mps: Speed of the vehicle.
+            others: All others, without the vehicle.
+            stops_m: Distances along the route of lines before which to stop.
+        """
+        free = self._rollout(speed_mps, [], np.inf)
+        front_m = self._distance_m + self._length_m / 2.0
+        stops = [stop_m for stop_m in stops_m if stop_m - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2) - 0.5]
+        leads = []
+        for constraint in self._constraints(others, free, speed_mps):
+            if isinstance(constraint, Lead):
+                leads.append(constraint)
+            else:
+                stops.append(constraint)
+        motion = self._rollout(speed_mps, leads, min(stops, default=np.inf) - _STOP_M)
+        self._acceleration_mps2 = float(motion.acceleration_mps2[0])
+        return motion
+
+    def _constraints(self, others: Others, free: Motion, speed_mps: float) -> Iterator[Lead | float]:
+        """Yield what is ahead, and the distances along the route where the paths of others begin to cross."""
+        near_m = self._line.points_at(np.array([self._distance_m]))[0]
+        others = others.chosen(np.linalg.norm(others.position_m - near_m, axis=1) < _SEEN_M)
+        time_s = np.arange(0.0, _HORIZON_S + 1e-9, _STEP_S)
+        position_m, yaw_rad = others.predicted(time_s)
+        shape = yaw_rad.shape
+        window_m = self._distance_m - 25.0, self._distance_m + _SEEN_M
+        along_m, left_m = (each.reshape(shape) for each in self._line.project(position_m.reshape(-1, 2), *window_m))
+        heading = self._line.headings_at(along_m.ravel()).reshape(*shape, 2)
+        cosine = np.abs(np.cos(yaw_rad) * heading[..., 0] + np.sin(yaw_rad) * heading[..., 1])
+        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+        length_m, width_m = (others.size_m[:, axis, None] / 2.0 for axis in (0, 1))
+        half_along_m, half_across_m = cosine * length_m + sine * width_m, sine * length_m + cosine * width_m
+        on_path = np.abs(left_m) < half_across_m + self._width_m / 2.0 + _MARGIN_M
+        speed_along_mps = np.einsum("ni,ni->n", others.velocity_mps, heading[:, 0])
+        front_m = self._distance_m + self._length_m / 2.0
+        for row in np.flatnonzero(on_path.any(axis=1)).tolist():
+            begin_m, end_m = along_m[row] - half_along_m[row], along_m[row] + half_along_m[row]
+            now_m, follows = float(begin_m[0]) - front_m, speed_along_mps[row] > 0.8 * np.linalg.norm(
+                others.velocity_mps[row]
+            )
+            if on_path[row, 0] or (follows and speed_along_mps[row] > 1.0):
+                if along_m[row, 0] > self._distance_m and now_m > -0.5 * self._length_m:
+                    yield Lead(now_m, max(float(speed_along_mps[row]), 0.0))
+                continue
+            conflict = self._conflict(free, begin_m[on_path[row]], end_m[on_path[row]], time_s[on_path[row]])
+            if conflict is not None and conflict - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2):
+                yield conflict
+
+    def _conflict(self, free: Motion, begin_m: Floats, end_m: Floats, time_s: Floats) -> float | None:
+        """Where a path begins to cross that of the vehicle if both would be there at a time; None: they do not meet.
+
+        Args:
+            free: Motion of the vehicle if nobody were there.
+            begin_m: (T,) distances along the route from which on the other is on the path.
+            end_m: (T,) distances up to which it is.
+            time_s: (T,) their times.
+        """
+        ahead = end_m > self._distance_m - self._length_m / 2.0
+        if not ahead.any():
+            return None
+        low_m, high_m = float(begin_m[ahead].min()), float(end_m[ahead].max())
+        from_s, to_s = float(time_s[ahead].min()) - _STEP_S / 2.0, float(time_s[ahead].max()) + _STEP_S / 2.0
+        arrives_s = free.time_at(low_m - self._length_m / 2.0, self._tick_s)
+        leaves_s = free.time_at(high_m + self._length_m / 2.0, self._tick_s)
+        meets = arrives_s < to_s + _AFTER_S and leaves_s > from_s - _BEFORE_S
+        return low_m if meets and arrives_s < np.inf else None
+
+    def _rollout(self, speed_mps: float, leads: Sequence[Lead], stop_m: float) -> Motion:
+        """Simulate the vehicle with leads at constant speeds, up to a distance along the route for its front."""
+        tick_s, distance_m, acceleration = self._tick_s, self._distance_m, self._acceleration_mps2
+        rows = [(distance_m, speed_mps, acceleration)]
+        for tick in range(round(_PLANNED_S / tick_s)):
+            limit_mps = float(np.interp(distance_m + 0.3 * speed_mps, self._line.distance_m, self._line.speed_mps))
+            wanted = min(max((limit_mps - speed_mps) / 0.8, -_MAX_BRAKING_MPS2), _SPEEDING_UP_MPS2)
+            for gap_m, other_mps in leads:
+                left_m = gap_m + other_mps * tick * tick_s - (distance_m - self._distance_m)
+                wanted = min(wanted, _following_mps2(speed_mps, other_mps, left_m))
+            wanted = min(wanted, _stopping_mps2(speed_mps, stop_m - distance_m - self._length_m / 2.0))
+            jerk = _EMERGENCY_JERK_MPS3 if wanted < _EMERGENCY_MPS2 else _JERK_MPS3
+            acceleration = max(min(wanted, acceleration + jerk * tick_s), acceleration - jerk * tick_s)
+            acceleration = max(acceleration, -speed_mps / tick_s)
+            speed_mps += acceleration * tick_s
+            distance_m += speed_mps * tick_s
+            rows.append((distance_m, speed_mps, acceleration))
+        found = np.array(rows)
+        return Motion(found[:, 0], found[:, 1], found[1:, 2])
+
+
+def _following_mps2(speed_mps: float, other_mps: float, gap_m: float) -> float:
+    """Acceleration behind something, without the term of the free road."""
+    approach = speed_mps * (speed_mps - other_mps) / (2.0 * (_SPEEDING_UP_MPS2 * _BRAKING_MPS2) ** 0.5)
+    wanted_m = _GAP_M + max(speed_mps * _HEADWAY_S + approach, 0.0)
+    return max(_SPEEDING_UP_MPS2 * (1.0 - (wanted_m / max(gap_m, 0.1)) ** 2), -_MAX_BRAKING_MPS2)
+
+
+def _stopping_mps2(speed_mps: float, left_m: float) -> float:
+    """Acceleration before a line; infinite as long as comfortable braking later is enough."""
+    if left_m < 0.1:
+        return -_BRAKING_MPS2
+    needed = speed_mps**2 / (2.0 * left_m)
+    return -needed if needed > 0.6 * _BRAKING_MPS2 else np.inf
+
+
+def ends_of(lanes: Sequence[str], distance_m: Floats, wanted: frozenset[str]) -> list[tuple[str, float]]:
+    """The wanted lanes of a route that it leaves again, and the distances along it of their ends."""
+    return [
+        (before, float(distance_m[row]))
+        for row, (before, after) in enumerate(pairwise(lanes))
+        if before != after and before in wanted
+    ]

@@ -1,0 +1,73 @@
+"""The line of a route: positions along it, distances beside it, and the speeds at which it can be driven."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.reference_stack.arrays import Floats
+
+_LATERAL_MPS2, _SLOWING_MPS2 = 2.0, 1.3  # comfortable in bends, and before slower parts
+_BEND_M = 3.0  # curvature is that of an arc from so far behind to so far ahead
+
+
+class RouteLine:
+    """A route as polyline, which goes on straight before its first and after its last point.
+
+    Attributes:
+        lanes: Id of the lane at each of the N points.
+        distance_m: (N,) distances along the route.
+        speed_mps: (N,) speeds by limits and bends, low enough before slower parts.
+    """
+
+    def __init__(self, route: Mapping[str, Any]) -> None:
+        """Take the object ``drive.route`` of /world/scene."""
+        self._points_m: Floats = np.array([route["x_m"], route["y_m"]], np.float64).T
+        self.distance_m: Floats = np.array(route["distance_m"], np.float64)
+        self.lanes: list[str] = list(route["lane"])
+        step_m = np.diff(self._points_m, axis=0)
+        self._heading = step_m / np.linalg.norm(step_m, axis=1)[:, None]
+        yaw_rad = np.unwrap(np.arctan2(self._heading[:, 1], self._heading[:, 0]))
+        self._middle_m = (self.distance_m[1:] + self.distance_m[:-1]) / 2.0
+        ahead, behind = (np.interp(self.distance_m + d, self._middle_m, yaw_rad) for d in (_BEND_M, -_BEND_M))
+        bend_pm = np.abs(ahead - behind) / (2.0 * _BEND_M)
+        self.speed_mps: Floats = np.minimum(route["limit_mps"], np.sqrt(_LATERAL_MPS2 / np.maximum(bend_pm, 1e-6)))
+        for row in range(len(self.distance_m) - 2, -1, -1):
+            gain = 2.0 * _SLOWING_MPS2 * (self.distance_m[row + 1] - self.distance_m[row])
+            self.speed_mps[row] = min(self.speed_mps[row], (self.speed_mps[row + 1] ** 2 + gain) ** 0.5)
+
+    def points_at(self, distance_m: Floats) -> Floats:
+        """(M, 2) points at (M,) distances along the route."""
+        row = np.clip(np.searchsorted(self.distance_m, distance_m) - 1, 0, len(self._heading) - 1)
+        points_m: Floats = self._points_m[row] + self._heading[row] * (distance_m - self.distance_m[row])[:, None]
+        return points_m
+
+    def headings_at(self, distance_m: Floats) -> Floats:
+        """(M, 2) unit vectors along the route at (M,) distances."""
+        row = np.clip(np.searchsorted(self.distance_m, distance_m) - 1, 0, len(self._heading) - 1)
+        headings: Floats = self._heading[row]
+        return headings
+
+    def project(self, points_m: Floats, from_m: float, to_m: float) -> tuple[Floats, Floats]:
+        """Distances along the route, (M,), and to its left, (M,), of (M, 2) points.
+
+        Only the part of the route between two distances is searched. Points before or behind it have infinite
+        distances to the left.
+        """
+        first, last = np.searchsorted(self.distance_m, (from_m, to_m)).tolist()
+        first = min(max(first - 1, 0), len(self._heading) - 1)
+        last = min(max(last, first + 1), len(self._heading))
+        offset_m = points_m[:, None] - self._points_m[None, first:last]
+        heading = self._heading[first:last]
+        length_m = np.diff(self.distance_m[first : last + 1])
+        along_m = np.einsum("mni,ni->mn", offset_m, heading)
+        low_m, high_m = np.zeros(len(length_m)), length_m.copy()
+        low_m[0], high_m[-1] = (-np.inf if first == 0 else 0.0), (np.inf if last == len(self._heading) else length_m[-1])
+        inside_m = np.clip(along_m, low_m, high_m)
+        gap_m = np.linalg.norm(offset_m - inside_m[..., None] * heading, axis=2)
+        row, every = np.argmin(gap_m, axis=1), np.arange(len(points_m))
+        left_m = heading[row, 0] * offset_m[every, row, 1] - heading[row, 1] * offset_m[every, row, 0]
+        outside = ((row == 0) & (along_m[every, row] < low_m[0])) | (
+            (row == len(length_m) - 1) & (along_m[every, row] > high_m[-1])
+        )
+        return self.distance_m[first + row] + inside_m[every, row], np.where(outside, np.inf, left_m)

@@ -3,12 +3,14 @@
 from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, field_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator
 
 from simbev_ros.config.agents import Ego
 from simbev_ros.config.base import FieldError, Keys, Model
 from simbev_ros.config.draw import Drawn, within
 from simbev_ros.config.drive_events import Events
+from simbev_ros.config.evaluation import split_command
+from simbev_ros.config.included_stacks import DRIVER_INTERFACE, INCLUDED_DRIVERS
 from simbev_ros.config.places import SpawnPose
 
 MAX_ROUTE_M = 20_000.0
@@ -67,6 +69,13 @@ class Drive(Model):
     )
     events: Events | None = Field(None, description="what happens along the route; none: nothing that is not traffic")
 
+    stack: Annotated[tuple[str, ...] | None, BeforeValidator(split_command)] = Field(
+        None,
+        description="command that starts the driver with the graph, or the name of an included one, with `ego.driver: "
+        f"{DRIVER_INTERFACE}`: {', '.join(f'`{name}`' for name in INCLUDED_DRIVERS)}; none: traffic or a node outside "
+        "drives. A driver that dies or falls silent ends no scene: the vehicle brakes, and the drive is scored",
+    )
+
     @field_validator("route", mode="before")
     @classmethod
     def _ends_are_points(cls, route: Any) -> Any:
@@ -76,6 +85,11 @@ class Drive(Model):
     @classmethod
     def _bounds_are_uniform(cls, goal_m: Any) -> Any:
         return {"uniform": list(goal_m)} if isinstance(goal_m, list | tuple) else goal_m
+
+    @property
+    def included_driver(self) -> str | None:
+        """Name of the driver, if it is one of those that come with the package."""
+        return self.stack[0] if self.stack and self.stack[0] in INCLUDED_DRIVERS else None
 
     def points_on(self, map_name: str) -> tuple[Keys, tuple[LanePoint | SpawnPose, ...]]:
         """The keys of the field with the points on a map, and these points; none: the route is drawn."""
@@ -87,8 +101,12 @@ class Drive(Model):
         """Check the section against the first agent and the names of the configuration's maps.
 
         Raises:
-            FieldError: Both the route and the agent say where it drives, or the route has no points on a map.
+            FieldError: The driver does not drive the agent, both the route and the agent say where it drives, or the
+                route has no points on a map.
         """
+        wanted = DRIVER_INTERFACE if self.included_driver else "ackermann, trajectory or path"
+        if self.stack and ego.driver not in wanted.replace(" or", ",").split(", "):
+            raise FieldError(["drive", "stack"], f"drives nothing, as ego.driver is {ego.driver}; it must be {wanted}")
         if self.route == "drawn":
             return
         if ego.spawn or ego.route:

@@ -35,7 +35,7 @@ def answer_topics_of(agent: str) -> tuple[str, str]:
     return prefix + BOXES_TOPIC, prefix + GRIDS_TOPIC
 
 
-def _split_command(value: object) -> object:
+def split_command(value: object) -> object:
     """Split a command, as it is typed in a shell, into its arguments."""
     arguments = tuple(shlex.split(value)) if isinstance(value, str) else value
     if arguments in ((), []):
@@ -61,7 +61,7 @@ class Evaluation(Model):
     participant: ParticipantName | None = Field(
         None, description="name of the stack on /sync/ready; the world then waits for it"
     )
-    stack: Annotated[tuple[str, ...] | None, BeforeValidator(_split_command)] = Field(
+    stack: Annotated[tuple[str, ...] | None, BeforeValidator(split_command)] = Field(
         None,
         description="command that starts the stack with the graph, or the name of an included one: "
         f"{', '.join(f'`{name}`' for name in INCLUDED_STACKS)}; a baseline may be followed by a file (.onnx) of "

@@ -70,3 +70,12 @@ INCLUDED_STACKS = {
     )
 }
 """All included stacks by name."""
+
+INCLUDED_DRIVERS: dict[str, str | None] = {
+    "drive-truth": None,
+    "drive-learned": "baseline-lidar",
+    "drive-constant": None,
+}
+"""Drivers of ``drive.stack`` that come with the package, each with the included stack of which it needs the boxes."""
+DRIVER_INTERFACE = "path"
+"""``ego.driver`` of vehicles that they drive."""

@@ -26,6 +26,7 @@ from simbev_ros.config.drive import Drive
 from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.hazards import Hazards
+from simbev_ros.config.included_stacks import INCLUDED_DRIVERS, INCLUDED_STACKS
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds, map_name
 from simbev_ros.config.rates import MAX_UNEVEN_HZ, require_fitting_rate, require_fitting_rates
@@ -271,7 +272,16 @@ class Scenario(Model):
         commanded = [self.rig.agent] if self.ego.is_commanded else []
         commanded += [name for each in self.agents if each.is_commanded for name in each.names(each.max_count)]
         driving = map(driver_participant, commanded)
-        return tuple(dict.fromkeys((*self.graph.participants, *stacks, *driving)))
+        boxes = self.driver_boxes
+        seeing = () if boxes is None else (INCLUDED_STACKS[boxes].participant,)
+        return tuple(dict.fromkeys((*self.graph.participants, *stacks, *seeing, *driving)))
+
+    @property
+    def driver_boxes(self) -> str | None:
+        """Included stack that runs because the driver needs its boxes; none if it is evaluated, and runs anyway."""
+        driver = None if self.drive is None else self.drive.included_driver
+        boxes = None if driver is None else INCLUDED_DRIVERS[driver]
+        return None if self.evaluation is not None and self.evaluation.included is not None else boxes
 
     @property
     def evaluated_agents(self) -> tuple[EvaluatedAgent, ...]:

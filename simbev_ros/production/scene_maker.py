@@ -89,7 +89,8 @@ class SceneMaker:
             self._uploader.upload(bag, entry)
             shutil.rmtree(bag)
         summary = f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes"
-        return MadeScene(row, summary, self._new_output(), cost)
+        output = self._stop_graph() if session.has_lost_driver else self._new_output()
+        return MadeScene(row, summary, output, cost)
 
     def _scene_of(self, entry: PlannedEntry) -> tuple[SceneSpec, Path | None]:
         """The scene to play, and the bag to take its motion from; None: motion is simulated."""

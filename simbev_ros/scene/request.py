@@ -16,7 +16,8 @@ class SceneRequest(Model):
 
 
 class SceneStop(Model):
-    """Request to end a scene with its next tick, as sent on /world/stop."""
+    """Request to end a scene with its next tick, or to go on without a participant, as sent on /world/stop."""
 
     number: int = Field(ge=0, description="number of the request for the scene")
     reason: str = Field(description="why the scene ends, in words")
+    without: str | None = Field(None, description="participant that is not waited for again; none: the scene ends")

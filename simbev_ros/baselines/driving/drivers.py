@@ -113,7 +113,7 @@ class RouteDriver:
 def _actors(actors: Table) -> Others:
     """All actors but the ego and those that ride in or on others."""
     rows = actors[(actors["id"] != EGO_ID) & (actors["parent"] == 0)]
-    velocity, acceleration = (np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in ("vx vy".split(), "ax ay".split()))
+    velocity, acceleration = (np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in (["vx", "vy"], ["ax", "ay"]))
     speed = np.linalg.norm(velocity, axis=1)
     along = np.einsum("ni,ni->n", velocity, acceleration) / np.maximum(speed, 0.1)
     return _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, EvaluatedAgent, Evaluation
-from simbev_ros.config.included_stacks import TRACK_OPTION, IncludedStack
+from simbev_ros.config.included_stacks import INCLUDED_STACKS, TRACK_OPTION, IncludedStack
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
@@ -33,6 +33,19 @@ def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool 
     agents = scenario.evaluated_agents
     commands = {agent.label("stack"): _command(agent, _partners(agent, agents), ros, live=live) for agent in agents}
     return {label: command for label, command in commands.items() if command}
+
+
+def boxes_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> tuple[str, ...]:
+    """Command of the included stack of which the driver needs the boxes; empty: it needs none.
+
+    Raises:
+        InputError: The rig lacks sensors, or the weights do not exist.
+    """
+    if (boxes := scenario.driver_boxes) is None:
+        return ()
+    agent = EvaluatedAgent("", scenario.rig, Evaluation(stack=(boxes, TRACK_OPTION)))
+    _require_sensors(agent, INCLUDED_STACKS[boxes], "drive.stack")
+    return _command(agent, (), ros, live=live)
 
 
 def _partners(agent: EvaluatedAgent, agents: Sequence[EvaluatedAgent]) -> list[EvaluatedAgent]:
@@ -74,13 +87,13 @@ def require_stacks(scenario: Scenario) -> None:
             _model_words(included, agent.evaluation)
 
 
-def _require_sensors(agent: EvaluatedAgent, included: IncludedStack) -> None:
+def _require_sensors(agent: EvaluatedAgent, included: IncludedStack, field: str = "evaluation.stack") -> None:
     rig = agent.rig
     found = {"lidar": (list(_lidar_topics(rig)), "points"), "camera": (_color_cameras(rig), "rgb images")}
     for sensor in included.sees:
         sensors, data = found[sensor]
         if not sensors:
-            raise InputError(f"evaluation.stack: {included.name}: the rig of {rig.agent} has no {sensor} with {data}")
+            raise InputError(f"{field}: {included.name}: the rig of {rig.agent} has no {sensor} with {data}")
 
 
 def _require_partners(included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> None:

@@ -143,6 +143,13 @@ class GraphMonitor:
         stop = SceneStop(number=self._requests, reason=reason)
         self._stop.publish(String(data=signed_json(stop, self._signer)))
 
+    def release(self, participant: str, reason: str) -> None:
+        """Let the scene go on without a participant, for a reason in words."""
+        self.behind_world.release(participant)
+        self._progress_s = time.monotonic()
+        stop = SceneStop(number=self._requests, reason=reason, without=participant)
+        self._stop.publish(String(data=signed_json(stop, self._signer)))
+
     def _start_scene(self, spec: SceneSpec) -> None:
         """Expect the reports of a scene's first ticks."""
         self._spec, self._world_ns = spec, -math.inf

@@ -156,23 +156,26 @@ class NodeProcess(GraphProcess):
 
 
 class StackProcess(GraphProcess):
-    """A perception stack or its launcher; all processes that it starts end with it.
+    """A perception stack, a driver, or its launcher; all processes that it starts end with it.
 
     Args:
         starter: What starts the process.
         label: Short name.
         command: The command and its arguments.
         folder: Folder for its log.
+        field: Field of the configuration that has the command.
 
     Raises:
         InputError: The command does not exist.
     """
 
-    def __init__(self, starter: NodeStarter, label: str, command: Sequence[str], folder: Path) -> None:
+    def __init__(
+        self, starter: NodeStarter, label: str, command: Sequence[str], folder: Path, field: str = "evaluation.stack"
+    ) -> None:
         # Debian has no command "python" but that of this installation, which has rclpy.
         path = os.pathsep.join([os.environ.get("PATH", os.defpath), str(Path(sys.executable).parent)])
         if (program := shutil.which(command[0], path=path)) is None:
-            raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
+            raise InputError(f"{field}: there is no command {command[0]!r}")
         log = folder / f"{label}.log"
         is_ours = tuple(command[:2]) == (sys.executable, "-m")
         words = module_command(*command[2:]) if is_ours else (program, *command[1:])

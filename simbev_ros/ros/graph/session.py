@@ -21,6 +21,7 @@ from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.graph.domain import DomainLock
+from simbev_ros.ros.graph.driver import DRIVER, dispensable_driver, driver_commands
 from simbev_ros.ros.graph.environment import graph_environment
 from simbev_ros.ros.graph.evaluated_stack import require_stacks, stack_commands
 from simbev_ros.ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
@@ -63,6 +64,7 @@ class GraphSession:
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
+        has_lost_driver: Whether the driver of a drive has died or was given up, so that it drives no scene again.
         figures: After ``close``, figures of each evaluated stack (``evaluation.live.live_figures``).
     """
 
@@ -91,7 +93,9 @@ class GraphSession:
         self._processes: list[GraphProcess] = []
         self._monitor: GraphMonitor | None = None
         self._loading: LoadingWatch | None = None
-        self._failed = False
+        self._failed = self.has_lost_driver = False
+        self._driver = dispensable_driver(scenario)
+        self._is_driven, self._news = self._driver is not None, list[str]()
         self.security_variables: dict[str, str] = {}
         self.figures: list[dict[str, Any]] = []
 
@@ -134,6 +138,8 @@ class GraphSession:
             self._processes.append(NodeProcess(self._starter, nodes, self._resources.folder, self._ros))
         for label, command in stack_commands(self._scenario, self._ros, live=self._live).items():
             self._processes.append(StackProcess(self._starter, label, command, self._resources.folder))
+        for label, command in driver_commands(self._scenario, self._ros, live=self._live).items():
+            self._processes.append(StackProcess(self._starter, label, command, self._resources.folder, "drive.stack"))
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
@@ -188,6 +194,7 @@ class GraphSession:
         path = None if replay is None else str(replay.resolve())
         text = None if config is None else config.as_yaml()
         self.monitor.request(SceneRequest(spec=spec, replay=path, config=text))
+        self._is_driven = self._driver is not None
         while (end := self.monitor.end) is None or not self._finished(end.tick):
             tick = self._finished_tick()
             progress(tick)
@@ -258,8 +265,9 @@ class GraphSession:
         return [warning for process in self._processes for warning in process.new_warnings()]
 
     def new_advice(self) -> list[str]:
-        """Advice for nodes outside that the graph has been waiting for; each sentence is returned once."""
-        return self.monitor.new_advice()
+        """Advice for nodes outside that the graph has been waiting for, and losses; each sentence is returned once."""
+        news, self._news = self._news, []
+        return [*news, *self.monitor.new_advice()]
 
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process, s, by process label."""
@@ -292,7 +300,10 @@ class GraphSession:
         timeout_s = self._scenario.graph.silence_timeout_s
         if tick is None and self._loading is not None:
             self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
-        if silent := self.monitor.silent_nodes(timeout_s):
+        silent = self.monitor.silent_nodes(timeout_s)
+        if self._is_driven and silent == [self._driver]:
+            self._drive_on(f"node {self._driver} has been silent for {timeout_s:g} s, {where}")
+        elif silent:
             words = [f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *self.monitor.advice(silent)]
             self._fail("; ".join(words))
 
@@ -302,10 +313,19 @@ class GraphSession:
         if self._starter is not None and (failure := self._starter.failure()):
             self._fail(f"{failure}, {where}")
         for process in self._processes:
-            if process.exit_code is not None:
+            if process.exit_code is not None and process.label == DRIVER:
+                if self._is_driven:
+                    self._drive_on(f"{process.title} died {where}: {process.describe_end()}")
+            elif process.exit_code is not None:
                 if refusal := process.refusal():
                     raise refusal
                 self._fail(f"{process.title} died {where}: {process.describe_end()}")
+
+    def _drive_on(self, why: str) -> None:
+        """Let the drive go on without its driver."""
+        self._is_driven, self.has_lost_driver = False, True
+        self.monitor.release(self._driver or "", why)
+        self._news.append(f"{why}; the drive goes on without it")
 
     def _pids(self) -> list[int]:
         """Ids of this process and of those that have been started."""

@@ -65,6 +65,11 @@ class LockstepWindow:
         self._finished[report.node] = max(tick, self._finished.get(report.node, tick))
         return True
 
+    def release(self, participant: str) -> None:
+        """Expect nothing more of a participant in this scene."""
+        if self._spec is not None and participant in self.participants:
+            self._finished[participant] = self._spec.ticks
+
     def _own_tick(self, spec: SceneSpec, report: Report) -> int | None:
         """Tick that a node of the graph reports; None if the scene does not have it."""
         tick = spec.tick_of(report.stamp_ns)

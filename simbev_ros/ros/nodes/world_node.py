@@ -233,6 +233,10 @@ class WorldNode(GraphNode):
     def _end_if_asked(self) -> None:
         """Let the scene end with its next tick, also a paused one, if the supervisor has asked for it."""
         if self._scene is not None and self._stop is not None and self._stop.number == self._scene.request.number:
+            if self._stop.without is not None:
+                self._lockstep.release(self._stop.without)
+                self.advance()
+                return
             self._scene.ending.end_soon(self._stop.reason)
             self._pacer.pause(False)
 

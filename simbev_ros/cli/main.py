@@ -47,6 +47,7 @@ VERBS = {
     "repair": "repair:repair",
     "drop": "drop:drop",
     "evaluate": "evaluate.command:evaluate",
+    "drive": "drive.group:drive",
     "realism": "realism:realism",
     "doctor": "doctor:doctor",
     "env": "env:env",
@@ -56,13 +57,13 @@ VERBS = {
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _NAME = "simbev"
-_GO_ON = ("generate", "replay", "export")
+_GO_ON = ("generate", "replay", "export", "drive")
 """Verbs that keep what an interrupted call has made, and go on from there."""
 _TAKE_URLS = ("generate", "drop", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
 _SIMULATOR, _GRAPH = ("sim",), ("sim", "wheels")
 _NEEDED_EXTRAS = {
-    **dict.fromkeys(("demo", "run", "generate", "replay", "bench"), _GRAPH),
+    **dict.fromkeys(("demo", "run", "generate", "replay", "bench", "drive"), _GRAPH),
     **dict.fromkeys(("scene", "gallery", "map"), _SIMULATOR),
     "env": ("wheels",),
 }

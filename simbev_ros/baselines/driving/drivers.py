@@ -75,11 +75,11 @@ class RouteDriver:
         center_m = pose[:2] + self._center_m * ahead
         start_m = self._planner.advance_to(center_m)
         if self._kind is DriverKind.CONSTANT:
-            return self._line.points_at(self._constant(start_m, speed_mps) - self._axle_m)
+            return self._line.axles_at(self._constant(start_m, speed_mps), self._axle_m)
         others = _actors(actors) if actors is not None else _boxes(boxes, center_m, pose[2], self._length_m)
         front_m = start_m + self._length_m / 2.0
         stops_m = [*self._red_lights(signals, front_m, speed_mps), *self._stop_signs(front_m, speed_mps)]
-        return self._line.points_at(self._planner.plan(speed_mps, others, stops_m).distance_m - self._axle_m)
+        return self._line.axles_at(self._planner.plan(speed_mps, others, stops_m).distance_m, self._axle_m)
 
     def _constant(self, start_m: float, speed_mps: float) -> Float64Array:
         time_s = np.arange(60) * self._tick_s

@@ -27,7 +27,7 @@ class RouteLine:
         self.lanes: list[str] = list(route["lane"])
         step_m = np.diff(self._points_m, axis=0)
         self._heading = step_m / np.linalg.norm(step_m, axis=1)[:, None]
-        yaw_rad = np.unwrap(np.arctan2(self._heading[:, 1], self._heading[:, 0]))
+        self._yaw_rad = yaw_rad = np.unwrap(np.arctan2(self._heading[:, 1], self._heading[:, 0]))
         self._middle_m = (self.distance_m[1:] + self.distance_m[:-1]) / 2.0
         ahead, behind = (np.interp(self.distance_m + d, self._middle_m, yaw_rad) for d in (_BEND_M, -_BEND_M))
         bend_pm = np.abs(ahead - behind) / (2.0 * _BEND_M)
@@ -41,6 +41,12 @@ class RouteLine:
         row = np.clip(np.searchsorted(self.distance_m, distance_m) - 1, 0, len(self._heading) - 1)
         points_m: Floats = self._points_m[row] + self._heading[row] * (distance_m - self.distance_m[row])[:, None]
         return points_m
+
+    def axles_at(self, distance_m: Floats, behind_m: float) -> Floats:
+        """(M, 2) rear axles, so far behind the centers, of a vehicle with its center on the route at (M,) distances."""
+        yaw_rad = np.interp(distance_m, self._middle_m, self._yaw_rad)
+        axles_m: Floats = self.points_at(distance_m) - behind_m * np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=1)
+        return axles_m
 
     def headings_at(self, distance_m: Floats) -> Floats:
         """(M, 2) unit vectors along the route at (M,) distances."""

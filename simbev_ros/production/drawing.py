@@ -10,6 +10,7 @@ from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.production.events import SceneRefused
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
+from simbev_ros.production.open_stations import enclosed_units
 from simbev_ros.production.surroundings import build_surroundings, load_roads
 from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
@@ -18,6 +19,8 @@ from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.rehearsal import rehearse
+
+_MAX_DRAWS = 50  # without rules
 
 
 def draw_scenes(scenario: Scenario, observer: ProductionObserver = SILENT) -> list[SceneSpec]:
@@ -41,25 +44,26 @@ def draw_accepted(
 ) -> SceneSpec:
     """Draw a scene as ``draw_scene`` does, again with the next seed for as long as it breaks a rule of ``accept``.
 
+    It is also drawn again if a roadside unit in a drawn place has no free view.
+
     Raises:
         InputError: It cannot be drawn, or no draw is accepted.
     """
     rules = scenario.accept
-    if rules is None:
-        return draw_scene(scenario, planned, network, starts)
-    problems: list[str] = []
-    for draw in range(rules.max_draws):
+    max_draws = _MAX_DRAWS if rules is None else rules.max_draws
+    for draw in range(max_draws):
         spec = draw_scene(scenario, planned._replace(draw=draw), network, starts)
-        build_surroundings([spec], observer)
-        with observe_step(observer, f"traffic of {spec.name}, for the rules of accept"):
-            streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
-            problems = rehearse(spec, network, streetside).problems(rules)
+        problems = list(enclosed_units(scenario, spec, observer))
+        if rules is not None and not problems:
+            build_surroundings([spec], observer)
+            with observe_step(observer, f"traffic of {spec.name}, for the rules of accept"):
+                streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
+                problems = rehearse(spec, network, streetside).problems(rules)
         if not problems:
             return spec
         observer.notify(SceneRefused(spec.name, tuple(problems)))
-    raise InputError(
-        f"scene {spec.name}: accept: none of {rules.max_draws} draws is accepted; the last one: {'; '.join(problems)}"
-    )
+    words = f"none of {max_draws} draws is accepted; the last one: {'; '.join(problems)}"
+    raise InputError(f"scene {spec.name}: {words if rules is None else f'accept: {words}'}")
 
 
 class PlannedSceneDrawer:

@@ -18,6 +18,7 @@ from simbev_ros.scene.cached_method import cached_method
 
 _MIN_ROADS = 3  # where fewer meet without traffic lights, a road only continues or ends
 _BESIDE_M = 2.5  # distance from a junction, equal to that of its traffic-light poles
+_BRACKET_M = 0.5  # from the axis of a pole, so that sensors are neither in it nor in its arm
 _SPACING_M = 1.0
 _OFF_ROAD_M = 0.3
 _SAME_LEVEL_M = 2.5  # a road with a surface closer in height is on the level of a foot
@@ -79,12 +80,19 @@ class MastPlaces:
 
     @cached_method(maxsize=1024)
     def feet_m(self, index: int) -> Float64Array:
-        """(K, 3) feet of masts at a crossing, map frame: its poles of traffic lights, else around it off roads."""
+        """(K, 3) feet of masts at a crossing, map frame: at its poles of traffic lights, else around it off roads.
+
+        At a pole, they are below the end of a bracket that points to the center.
+        """
         crossing = self.crossings[index]
         poles_m = self._poles_m.get(crossing.junction, np.empty((0, 3)))
-        free_m = poles_m[~self._is_on_road(poles_m, ROAD_KINDS)]
-        if len(free_m):
-            return free_m
+        poles_m = poles_m[~self._is_on_road(poles_m, ROAD_KINDS)]
+        inward_m = (crossing.center_m - poles_m) * [1.0, 1.0, 0.0]
+        inward_m *= _BRACKET_M / np.maximum(np.linalg.norm(inward_m, axis=1, keepdims=True), _BRACKET_M)
+        feet_m = poles_m + inward_m
+        feet_m = feet_m[~self._is_on_road(feet_m, ROAD_KINDS, 0.0)]
+        if len(feet_m):
+            return feet_m
         rings = shapely.get_parts(shapely.buffer(crossing.area, _BESIDE_M).boundary)
         feet_m = np.concatenate([_points_along(ring) for ring in rings])
         level = int(self._network.elevation.level_at(crossing.center_m[None])[0])

@@ -49,7 +49,7 @@ ROS = {
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "cooperative"))
-BASELINES = tuple(f"baselines/node/{module}" for module in ("node", "__main__"))
+BASELINES = tuple(f"baselines/{folder}/{module}" for folder in ("node", "driving") for module in ("node", "__main__"))
 RELAY = tuple(f"show/foxglove/{module}" for module in ("graph_relay", "graph_server", "relayed_topics"))
 LIVE = ("show/rerun/live/graph_reader", "show/rerun/live/live_viewer")
 """The node that the viewer reads a running graph with."""

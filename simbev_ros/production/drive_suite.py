@@ -95,7 +95,9 @@ def make_suite(
     check_workers(workers, ray)
     for ability, scenario in scenarios.items():
         if changed := changed_sections(scenario, out / ability):
-            raise InputError(f"{out / ability}: has drives with other settings ({', '.join(changed)}); use a new folder")
+            raise InputError(
+                f"{out / ability}: has drives with other settings ({', '.join(changed)}); use a new folder"
+            )
     return {
         ability: make_dataset(scenario, out / ability, workers=workers, ray=ray, observer=observer)
         for ability, scenario in scenarios.items()

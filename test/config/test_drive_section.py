@@ -64,3 +64,20 @@ def test_drivers_by_stamped_commands_are_waited_for_but_not_in_replays() -> None
     assert (replayed.participants, replayed.is_driven_by_traffic) == ((), True)
     twist = parse_scenario(BASE + "ego: {driver: twist}", "my.yaml")
     assert (twist.participants, twist.for_replay()) == ((), twist)
+
+
+@pytest.mark.parametrize(
+    ("ego", "stack", "wanted"),
+    [
+        ("driver: traffic", "python3 mine.py", "ego.driver is traffic; it must be ackermann, trajectory or path"),
+        ("driver: ackermann", "drive-truth", "ego.driver is ackermann; it must be path"),
+    ],
+)
+def test_a_driver_must_drive_the_agent(ego: str, stack: str, wanted: str) -> None:
+    with pytest.raises(InputError, match=f"drive.stack: drives nothing, as {wanted}"):
+        parse_scenario(f"{BASE}ego: {{{ego}}}\ndrive: {{stack: {stack}}}\n", "mine")
+
+
+def test_the_learned_driver_brings_the_stack_of_which_it_needs_the_boxes() -> None:
+    scenario = parse_scenario(f"{BASE}ego: {{driver: path}}\ndrive: {{stack: drive-learned}}\n", "mine")
+    assert scenario.participants == ("baseline_lidar", "ego_driver")

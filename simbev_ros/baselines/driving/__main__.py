@@ -6,6 +6,7 @@ import sys
 import rclpy
 import rclpy.utilities
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 
 from simbev_ros.baselines.driving.drivers import DriverKind
 from simbev_ros.baselines.driving.node import RouteDriverNode
@@ -20,7 +21,7 @@ def main() -> int:
     parser.add_argument("--agent", default="ego", help="name of the agent that is driven")
     options = parser.parse_args(own)
     rclpy.init(args=["--ros-args", *of_ros])
-    node = rclpy.create_node(f"{options.agent}_driver")
+    node = Node(f"{options.agent}_driver")
     try:
         RouteDriverNode(node, DriverKind(options.driver), options.agent)
         rclpy.spin(node)

@@ -113,7 +113,9 @@ class RouteDriver:
 def _actors(actors: Table) -> Others:
     """All actors but the ego and those that ride in or on others."""
     rows = actors[(actors["id"] != EGO_ID) & (actors["parent"] == 0)]
-    velocity, acceleration = (np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in (["vx", "vy"], ["ax", "ay"]))
+    velocity, acceleration = (
+        np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in (["vx", "vy"], ["ax", "ay"])
+    )
     speed = np.linalg.norm(velocity, axis=1)
     along = np.einsum("ni,ni->n", velocity, acceleration) / np.maximum(speed, 0.1)
     return _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))
@@ -135,6 +137,10 @@ def _others(rows: Table, braking_mps2: Float64Array, turn_radps: Float64Array) -
         return np.stack([rows[first], rows[second]], axis=1, dtype=np.float64)
 
     return Others(
-        pair("x", "y"), rows["yaw"].astype(np.float64), pair("vx", "vy"), turn_radps, braking_mps2,
+        pair("x", "y"),
+        rows["yaw"].astype(np.float64),
+        pair("vx", "vy"),
+        turn_radps,
+        braking_mps2,
         pair("length", "width"),
     )

@@ -43,7 +43,7 @@ def suite(
     report: Annotated[Path | None, typer.Option(help="Write a page with pictures.", metavar="FILE.html")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures.", metavar="FILE.json")] = None,
 ) -> None:
-    """Drive routes on all towns, and score them by ability, town, weather and time of day.
+    r"""Drive routes on all towns, and score them by ability, town, weather and time of day.
 
     The same driver gets the same scores on any number of workers. Existing drives are kept, so the same command goes on
     after an interruption, and with more routes. A driver that dies or stops is scored, too.

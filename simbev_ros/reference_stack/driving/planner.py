@@ -141,8 +141,9 @@ class Planner:
         front_m = self._distance_m + self._length_m / 2.0
         for row in np.flatnonzero(on_path.any(axis=1)).tolist():
             begin_m, end_m = along_m[row] - half_along_m[row], along_m[row] + half_along_m[row]
-            now_m, follows = float(begin_m[0]) - front_m, speed_along_mps[row] > 0.8 * np.linalg.norm(
-                others.velocity_mps[row]
+            now_m, follows = (
+                float(begin_m[0]) - front_m,
+                speed_along_mps[row] > 0.8 * np.linalg.norm(others.velocity_mps[row]),
             )
             if on_path[row, 0] or (follows and speed_along_mps[row] > 1.0):
                 if along_m[row, 0] > self._distance_m and now_m > -0.5 * self._length_m:

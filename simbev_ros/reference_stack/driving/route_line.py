@@ -68,7 +68,10 @@ class RouteLine:
         length_m = np.diff(self.distance_m[first : last + 1])
         along_m = np.einsum("mni,ni->mn", offset_m, heading)
         low_m, high_m = np.zeros(len(length_m)), length_m.copy()
-        low_m[0], high_m[-1] = (-np.inf if first == 0 else 0.0), (np.inf if last == len(self._heading) else length_m[-1])
+        low_m[0], high_m[-1] = (
+            (-np.inf if first == 0 else 0.0),
+            (np.inf if last == len(self._heading) else length_m[-1]),
+        )
         inside_m = np.clip(along_m, low_m, high_m)
         gap_m = np.linalg.norm(offset_m - inside_m[..., None] * heading, axis=2)
         row, every = np.argmin(gap_m, axis=1), np.arange(len(points_m))

@@ -1,8 +1,8 @@
 """The driver of ``drive.stack``: its processes, and what becomes of a drive that it deserts.
 
-A drive counts whatever its driver does. When the driver dies, or keeps the world waiting for too long, the world goes on
-without it: the vehicle brakes when its last command is too old, and the scene ends as every drive does. What is recorded
-depends on the commands that were sent, not on the time at which the driver was given up.
+A drive counts whatever its driver does. When the driver dies, or keeps the world waiting for too long, the world goes
+on without it: the vehicle brakes when its last command is too old, and the scene ends as every drive does. What is
+recorded depends on the commands that were sent, not on the time at which the driver was given up.
 """
 
 import sys

@@ -1,0 +1,114 @@
+"""The planner of drives, against what the equations of motion and the geometry of a route say."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simbev_ros.reference_stack.driving.planner import Others, Planner, ends_of
+from simbev_ros.reference_stack.driving.route_line import RouteLine
+
+TICK_S, LENGTH_M, WIDTH_M = 0.05, 4.8, 2.0
+
+
+def route(points_m: Any, limit_mps: float = 10.0, lane: str = "a") -> dict[str, Any]:
+    points = np.asarray(points_m, np.float64)
+    distance_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    count = len(points)
+    columns = {"x_m": points[:, 0], "y_m": points[:, 1], "distance_m": distance_m, "limit_mps": [limit_mps] * count}
+    return {**columns, "lane": [lane] * count}
+
+
+STRAIGHT = np.stack([np.arange(201.0), np.zeros(201)], axis=1)
+
+
+def others(*rows: tuple[float, float, float, float, float]) -> Others:
+    """Cars (x, y, yaw, vx, vy)."""
+    table = np.array(rows, np.float64).reshape(-1, 5)
+    none = np.zeros(len(table))
+    size_m = np.tile([4.5, 1.9], (len(table), 1))
+    return Others(table[:, :2], table[:, 2], table[:, 3:], none, none, size_m)
+
+
+def drive(rows: Any, stops_m: list[float], seconds: float, speed_mps: float = 0.0) -> list[tuple[float, float, float]]:
+    """Positions, speeds and accelerations of a vehicle that follows its plans exactly; rows as a function of time."""
+    planner, x_m, driven = Planner(RouteLine(route(STRAIGHT)), LENGTH_M, WIDTH_M, TICK_S), 10.0, []
+    for tick in range(round(seconds / TICK_S)):
+        planner.advance_to(np.array([x_m, 0.0]))
+        motion = planner.plan(speed_mps, others(*rows(tick * TICK_S)), stops_m)
+        x_m, speed_mps = float(motion.distance_m[1]), float(motion.speed_mps[1])
+        driven.append((x_m, speed_mps, float(motion.acceleration_mps2[0])))
+    return driven
+
+
+def test_a_free_road_is_driven_at_its_limit_and_comfortably() -> None:
+    driven = np.array(drive(lambda _: (), [], 15.0))
+    assert driven[-1, 1] == pytest.approx(10.0, abs=0.1)
+    assert driven[:, 1].max() <= 10.0
+    assert np.abs(driven[:, 2]).max() <= 1.5 + 1e-9
+    assert np.abs(np.diff(driven[:, 2])).max() / TICK_S <= 3.0 + 1e-9
+
+
+def test_the_front_stops_before_a_line_within_the_zone_of_a_stop_sign() -> None:
+    x_m, speed_mps, _ = drive(lambda _: (), [80.0], 20.0)[-1]
+    assert speed_mps < 0.05
+    assert 0.3 < 80.0 - (x_m + LENGTH_M / 2.0) < 2.0
+
+
+def test_a_line_that_nobody_could_stop_at_any_more_is_passed() -> None:
+    assert drive(lambda _: (), [10.0 + LENGTH_M / 2.0 + 1.0], 1.0, speed_mps=10.0)[-1][1] > 9.0
+
+
+def test_a_standing_car_ends_the_way_at_the_gap_of_the_driver_model() -> None:
+    x_m, speed_mps, _ = drive(lambda _: ((90.0, 0.0, 0.0, 0.0, 0.0),), [], 30.0)[-1]
+    assert speed_mps < 0.3
+    assert 90.0 - 4.5 / 2.0 - (x_m + LENGTH_M / 2.0) == pytest.approx(2.5, abs=0.7)
+
+
+def test_a_slower_car_is_followed_at_its_speed() -> None:
+    driven = drive(lambda time_s: ((40.0 + 4.0 * time_s, 0.0, 0.0, 4.0, 0.0),), [], 25.0)
+    assert driven[-1][1] == pytest.approx(4.0, abs=0.2)
+
+
+def test_a_car_in_the_next_lane_changes_nothing() -> None:
+    beside = drive(lambda _: ((40.0, 3.2, 0.0, 0.0, 0.0),), [], 8.0)
+    assert beside == drive(lambda _: (), [], 8.0)
+
+
+def test_what_crosses_the_path_at_the_same_time_passes_first() -> None:
+    """A car from the right at 8 m/s would be at x = 45 m when the vehicle is."""
+    crossing = lambda time_s: ((45.0, -32.0 + 8.0 * time_s, np.pi / 2.0, 0.0, 8.0),)  # noqa: E731
+    closest_m = min(
+        max(abs(45.0 - x_m) - (LENGTH_M + 1.9) / 2.0, abs(-32.0 + 8.0 * (tick + 1) * TICK_S) - (WIDTH_M + 4.5) / 2.0)
+        for tick, (x_m, *_) in enumerate(drive(crossing, [], 12.0, speed_mps=9.0))
+    )
+    assert closest_m > 0.5
+    assert drive(crossing, [], 12.0, speed_mps=9.0)[-1][1] > 8.0
+
+
+def test_a_bend_is_slow_enough_for_its_radius_and_so_is_what_comes_before_it() -> None:
+    angle_rad = np.linspace(0.0, np.pi / 2.0, 33)[1:]
+    arc = np.stack([100.0 + 20.0 * np.sin(angle_rad), 20.0 - 20.0 * np.cos(angle_rad)], axis=1)
+    line = RouteLine(route(np.concatenate([STRAIGHT[:101], arc]), 14.0))
+    middle = np.searchsorted(line.distance_m, 115.0)
+    assert line.speed_mps[middle] == pytest.approx(np.sqrt(2.0 * 20.0), rel=0.03)
+    slowing_mps2 = -np.diff(line.speed_mps[:middle] ** 2) / 2.0 / np.diff(line.distance_m[:middle])
+    assert slowing_mps2.max() <= 1.3 + 1e-6
+
+
+def test_positions_are_projected_onto_the_route_and_its_straight_extensions() -> None:
+    line = RouteLine(route([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)]))
+    along_m, left_m = line.project(np.array([(4.0, 2.0), (12.0, 6.0), (-3.0, -1.0), (10.0, 14.0)]), 0.0, 20.0)
+    np.testing.assert_allclose(along_m, [4.0, 16.0, -3.0, 24.0])
+    np.testing.assert_allclose(left_m, [2.0, -2.0, -1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(line.points_at(np.array([-3.0, 24.0])), [(-3.0, 0.0), (10.0, 14.0)])
+
+
+def test_beyond_the_searched_part_nothing_is_beside_the_route() -> None:
+    _, left_m = RouteLine(route(STRAIGHT)).project(np.array([(150.0, 0.0)]), 0.0, 80.0)
+    assert np.isinf(left_m).all()
+
+
+def test_ends_of_lanes_are_where_the_route_leaves_them() -> None:
+    lanes = ["a", "a", "b", "c", "c"]
+    assert ends_of(lanes, np.arange(5.0), frozenset("ac")) == [("a", 1.0)]

@@ -141,13 +141,12 @@ class Planner:
         front_m = self._distance_m + self._length_m / 2.0
         for row in np.flatnonzero(on_path.any(axis=1)).tolist():
             begin_m, end_m = along_m[row] - half_along_m[row], along_m[row] + half_along_m[row]
-            now_m, follows = (
-                float(begin_m[0]) - front_m,
-                speed_along_mps[row] > 0.8 * np.linalg.norm(others.velocity_mps[row]),
-            )
-            if on_path[row, 0] or (follows and speed_along_mps[row] > 1.0):
-                if along_m[row, 0] > self._distance_m and now_m > -0.5 * self._length_m:
-                    yield Lead(now_m, max(float(speed_along_mps[row]), 0.0))
+            now_m, along_mps = float(begin_m[0]) - front_m, float(speed_along_mps[row])
+            is_ahead = along_m[row, 0] > self._distance_m and now_m > -0.5 * self._length_m
+            follows = along_mps > max(1.0, 0.8 * float(np.linalg.norm(others.velocity_mps[row])))
+            if on_path[row, 0] or (follows and is_ahead):
+                if is_ahead:
+                    yield Lead(now_m, max(along_mps, 0.0))
                 continue
             conflict = self._conflict(free, begin_m[on_path[row]], end_m[on_path[row]], time_s[on_path[row]])
             if conflict is not None and conflict - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2):
@@ -194,7 +193,8 @@ class Planner:
 
 
 def _following_mps2(speed_mps: float, other_mps: float, gap_m: float) -> float:
-    """Acceleration behind something, without the term of the free road."""
+    """Acceleration behind something, without the term of the free road; what is faster opens its gap by itself."""
+    gap_m += max(other_mps - speed_mps, 0.0)
     approach = speed_mps * (speed_mps - other_mps) / (2.0 * (_SPEEDING_UP_MPS2 * _BRAKING_MPS2) ** 0.5)
     wanted_m = _GAP_M + max(speed_mps * _HEADWAY_S + approach, 0.0)
     return max(_SPEEDING_UP_MPS2 * (1.0 - (wanted_m / max(gap_m, 0.1)) ** 2), -_MAX_BRAKING_MPS2)

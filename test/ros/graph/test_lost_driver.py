@@ -13,7 +13,7 @@ from simbev_ros.recording.reader import SceneBag
 pytestmark = pytest.mark.graph
 
 DRIVER = """
-import os, time
+import copy, os, time
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
@@ -28,7 +28,7 @@ def decide(inputs, scene):
     route, plan = scene["drive"]["route"], Path()
     plan.header.frame_id = "map"
     for row in range(20):
-        pose = PoseStamped(header=inputs["/ego/odom"].header)
+        pose = PoseStamped(header=copy.deepcopy(inputs["/ego/odom"].header))
         pose.header.stamp.sec += row
         pose.pose.position.x, pose.pose.position.y = route["x_m"][3 * row], route["y_m"][3 * row]
         plan.poses.append(pose)

@@ -43,7 +43,7 @@ def suite(
     report: Annotated[Path | None, typer.Option(help="Write a page with pictures.", metavar="FILE.html")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write all figures.", metavar="FILE.json")] = None,
 ) -> None:
-    r"""Drive routes on all towns, and score them by ability, town, weather and time of day.
+    """Drive routes on all towns, and score them by ability, town, weather and time of day.
 
     The same driver gets the same scores on any number of workers. Existing drives are kept, so the same command goes on
     after an interruption, and with more routes. A driver that dies or stops is scored, too.
@@ -69,7 +69,7 @@ def suite(
     node = rclpy.create_node("driver")
     Driver(node, decide, {"/ego/odom": Odometry}, ("/ego/ackermann_cmd", AckermannDriveStamped))
     rclpy.spin(node)
-    """
+    """  # noqa: D301  # a paragraph that begins with a backspace is not wrapped
     from simbev_ros.cli.generate import show_failures
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.drive_suite import make_suite, suite_drives, suite_scenarios, suite_size

@@ -28,7 +28,6 @@ def main() -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        node.destroy_node()
         rclpy.utilities.try_shutdown()
     return 0
 

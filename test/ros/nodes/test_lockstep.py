@@ -169,3 +169,14 @@ def test_a_new_scene_waits_for_a_new_first_report_from_outside() -> None:
     stack_reports(lock, 0)
     lock.start_scene(SPEC)
     assert not lock.all_loaded
+
+
+def test_a_released_participant_is_not_waited_for_in_this_scene() -> None:
+    lock = lockstep(3)
+    report(lock, "camera", 20)
+    lock.release("lidar")
+    assert lock.may_start(23)
+    assert not lock.may_start(24)
+    assert lock.laggards() == ["camera"]
+    lock.start_scene(SPEC)
+    assert not lock.all_loaded

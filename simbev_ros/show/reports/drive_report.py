@@ -1,4 +1,4 @@
-"""Builds the report of drives: their scores, and each infraction with a picture from above."""
+"""Builds the report of drives: their scores, and each infraction with pictures from above."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -23,6 +23,8 @@ from simbev_ros.show.reports.evaluation_tables import html_table
 from simbev_ros.show.reports.page import key_figures, section, sheet
 
 _HALF_EXTENT_M = 30.0
+_STRIP_S = (-2, -1, 0, 1)
+"""Times of a strip's pictures after the infraction."""
 _KINDS = {"answer": "the ego", "missed": "the other party", "found": "other actors"}
 _NOTE = (
     "Scores by the definitions of CARLA's leaderboards 2.0 and 2.1, Bench2Drive and nuPlan (in percent). CARLA counts "
@@ -58,27 +60,38 @@ def write_drive_report(
 
 
 def _cards(scene: Scene, drive: RecordedDrive) -> str:
-    """HTML of the infractions of a drive, with a picture for each."""
+    """HTML of the infractions of a drive, with a strip of pictures for each."""
     if not drive.infractions:
         return ""
-    figures = [f"<figure>{_picture(scene, each)}{_caption(scene, each)}</figure>" for each in drive.infractions]
-    return f"<article><h3>{escape(scene.name)}</h3>{sheet('small', figures)}</article>"
+    strips = "".join(f"<p>{_caption(scene, each)}</p>{_strip(scene, each)}" for each in drive.infractions)
+    return f"<article><h3>{escape(scene.name)}</h3>{strips}</article>"
 
 
 def _caption(scene: Scene, infraction: Infraction) -> str:
     time_s = (infraction.stamp_ns - int(scene.stamps_ns[0])) / NS_PER_S
     x_m, y_m, _ = infraction.position_m
-    parts = [f"tick {infraction.tick}, {time_s:.2f} s", f"x {x_m:.1f} m, y {y_m:.1f} m"]
+    parts = [f"{time_s:.2f} s (tick {infraction.tick})", f"x {x_m:.1f} m, y {y_m:.1f} m"]
     parts += [f"{infraction.speed_mps:.1f} m/s", *([f"with {infraction.other}"] if infraction.other else [])]
     parts += [] if infraction.at_fault else ["not at fault"]
     what = escape(described(infraction.kind, infraction.value))
-    return f"<figcaption><b>{what}</b><br>{escape(', '.join(parts))}</figcaption>"
+    return f"<b>{what}</b>: {escape(', '.join(parts))}"
 
 
-def _picture(scene: Scene, infraction: Infraction) -> str:
-    tick = min(int(np.searchsorted(scene.stamps_ns, infraction.stamp_ns)), len(scene) - 1)
-    frame = scene[tick]
-    return top_view(frame, _marked(frame, infraction.other), _HALF_EXTENT_M)
+def _strip(scene: Scene, infraction: Infraction) -> str:
+    """HTML of the pictures around an infraction."""
+    labeled = np.flatnonzero(scene.has(["bev/labels"]))
+    figures = []
+    for after_s in _STRIP_S:
+        stamp_ns = infraction.stamp_ns + after_s * NS_PER_S
+        if not scene.stamps_ns[0] <= stamp_ns <= scene.stamps_ns[-1]:
+            continue
+        tick = int(np.searchsorted(scene.stamps_ns, stamp_ns))
+        frame = scene[tick]
+        ground = scene[int(labeled[np.abs(labeled - tick).argmin()])] if len(labeled) else None
+        picture = top_view(frame, _marked(frame, infraction.other), _HALF_EXTENT_M, ground)
+        when = "now" if after_s == 0 else f"{abs(after_s)} s {'before' if after_s < 0 else 'after'}"
+        figures.append(f"<figure>{picture}<figcaption>{when}</figcaption></figure>")
+    return sheet("small", figures)
 
 
 def _marked(frame: Frame, other: str) -> Iterator[MarkedBoxes]:

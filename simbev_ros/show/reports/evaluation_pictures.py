@@ -74,21 +74,19 @@ def marked_boxes(outcomes: Outcomes) -> list[MarkedBoxes]:
     ]
 
 
-def top_view(frame: Frame, boxes: Iterable[MarkedBoxes], half_extent_m: float) -> str:
-    """Draw a frame's boxes over its bird's-eye-view cells as SVG, the ego in the middle, facing up.
+def top_view(frame: Frame, boxes: Iterable[MarkedBoxes], half_extent_m: float, labeled: Frame | None = None) -> str:
+    """Draw a frame's boxes over bird's-eye-view cells as SVG, the ego in the middle, facing up.
 
     Args:
-        frame: The frame, with the ego's pose and, if recorded, bird's-eye-view labels.
+        frame: The frame, with the ego's pose.
         boxes: The boxes, in painting order.
         half_extent_m: Distance from the ego to the edges of the picture.
+        labeled: A frame nearby whose bird's-eye-view labels are shown, where they belong; None: the frame itself. A
+            frame without labels has none to show.
     """
-    sheet, grid = Drawing(_SIDE, _SIDE), frame.scene.view.annotation.bev.grid
-    scale = _SIDE / (2.0 * half_extent_m)
-    if "bev/labels" in frame:
-        rows, columns = frame["bev/labels"].shape
-        width, height = (count * grid.cell_m * scale for count in (columns, rows))
-        corner = (_SIDE - width) / 2.0, (_SIDE - height) / 2.0
-        sheet.picture(*corner, (width, height), *_ground(frame["bev/labels"]))
+    sheet, scale, labeled = Drawing(_SIDE, _SIDE), _SIDE / (2.0 * half_extent_m), labeled or frame
+    if "bev/labels" in labeled:
+        _draw_ground(sheet, labeled, inverse(leveled_pose(frame.map_from_ego)), scale)
     for radius_m in range(_RING_M, int(half_extent_m) + 1, _RING_M):
         sheet.add(f'<circle class="ring" cx="{_SIDE / 2}" cy="{_SIDE / 2}" r="{radius_m * scale:.1f}"/>')
         if radius_m % (2 * _RING_M) == 0:
@@ -99,6 +97,19 @@ def top_view(frame: Frame, boxes: Iterable[MarkedBoxes], half_extent_m: float) -
             sheet.path(each.kind, _path(points), title)
     sheet.mark_ego(_SIDE / 2, _SIDE / 2)
     return sheet.svg()
+
+
+def _draw_ground(sheet: Drawing, labeled: Frame, view_from_map: Float64Array, scale: float) -> None:
+    """Draw the cells of a labeled frame in the view of another one."""
+    rows, columns = labeled["bev/labels"].shape
+    width, height = (count * labeled.scene.view.annotation.bev.grid.cell_m * scale for count in (columns, rows))
+    moved = view_from_map @ leveled_pose(labeled.map_from_ego)
+    turn_deg = -np.degrees(np.arctan2(moved[1, 0], moved[0, 0]))
+    right, down = -moved[1, 3] * scale, -moved[0, 3] * scale
+    sheet.add(f'<g transform="translate({right:.2f} {down:.2f}) rotate({turn_deg:.3f} {_SIDE / 2} {_SIDE / 2})">')
+    corner = (_SIDE - width) / 2.0, (_SIDE - height) / 2.0
+    sheet.picture(*corner, (width, height), *_ground(labeled["bev/labels"]))
+    sheet.add("</g>")
 
 
 def picture_half_extent_m(outcomes: Outcomes, min_m: float) -> float:

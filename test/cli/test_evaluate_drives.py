@@ -79,7 +79,7 @@ def test_a_drive_is_the_same_as_recorded_and_judged_again(tmp_path: Path) -> Non
         assert drive.infractions == found[0].infractions
 
 
-def test_scores_are_printed_and_written_and_each_infraction_has_a_picture(
+def test_scores_are_printed_and_written_and_each_infraction_has_pictures(
     simbev: Callable[..., Answer], tmp_path: Path
 ) -> None:
     record(tmp_path / "bag")
@@ -93,11 +93,13 @@ def test_scores_are_printed_and_written_and_each_infraction_has_a_picture(
     events = figures["scenes"]["Blocks-0000"]["events"]
     assert [event["kind"] for event in events] == ["time_to_collision", "collision_vehicle"]
     page = (tmp_path / "r.html").read_text()
-    assert page.count("<svg viewBox") == 2
-    first, second = page.split("<figure>")[1:]
-    assert "time to collision, 0.9 s" in first
-    assert "collision vehicle, 10 m/s" in second
-    assert 'class="missed"' in second and "actor 2" in second
+    assert page.count("<svg viewBox") == 8
+    _, first, second = re.split("<p><b>", page)
+    assert first.startswith("time to collision, 0.9 s")
+    assert second.startswith("collision vehicle, 10 m/s")
+    for strip in (first, second):
+        assert re.findall("<figcaption>([^<]+)<", strip) == ["2 s before", "1 s before", "now", "1 s after"]
+    assert second.count('class="missed"') == 4 and "actor 2" in second
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,9 @@ import io
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import evaluated_dataset as made
@@ -22,6 +25,7 @@ from simbev_ros.evaluation.predictions.dataset_predictions import open_predictio
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_boxes import Outcomes
 from simbev_ros.evaluation.scene_evaluation import outcomes_of
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
@@ -136,3 +140,21 @@ def _pixels(svg: str) -> Image.Image:
     """The first picture in a drawing."""
     address = next(ElementTree.fromstring(svg).iter("image")).attrib["href"]
     return Image.open(io.BytesIO(base64.b64decode(address.partition("base64,")[2])))
+
+
+def test_labels_of_another_frame_lie_where_they_belong() -> None:
+    """A view 10 m further and turned left by 90 degrees sees what was 10 m ahead at its center, turned right."""
+    grid = np.zeros((8, 8), np.uint16)
+    view = SimpleNamespace(annotation=SimpleNamespace(bev=SimpleNamespace(grid=SimpleNamespace(cell_m=1.0))))
+
+    def frame_at(x_m: float, yaw_rad: float) -> Any:
+        pose = matrices_from_xyz_rpy(np.array([x_m, 0.0, 0.0]), np.array([0.0, 0.0, yaw_rad]))
+        frame = MagicMock(map_from_ego=pose, scene=SimpleNamespace(view=view))
+        frame.__contains__.side_effect = lambda name: name == "bev/labels"
+        frame.__getitem__.side_effect = lambda name: grid
+        return frame
+
+    svg = top_view(frame_at(10.0, np.pi / 2), [], 32.0, frame_at(0.0, 0.0))
+    right, down, turn_deg = map(float, re.findall(r"translate\(([-\d.]+) ([-\d.]+)\) rotate\(([-\d.]+)", svg)[0])
+    scale = 640.0 / 64.0
+    assert (right, down, turn_deg) == pytest.approx((-10.0 * scale, 0.0, 90.0), abs=0.01)

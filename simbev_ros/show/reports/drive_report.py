@@ -79,7 +79,7 @@ def _caption(scene: Scene, infraction: Infraction) -> str:
 
 def _strip(scene: Scene, infraction: Infraction) -> str:
     """HTML of the pictures around an infraction."""
-    labeled = np.flatnonzero(scene.has(["bev/labels"]))
+    labeled = np.flatnonzero(scene.has(["bev/labels"])) if "bev/labels" in scene.keys else np.empty(0, np.int64)
     figures = []
     for after_s in _STRIP_S:
         stamp_ns = infraction.stamp_ns + after_s * NS_PER_S

@@ -35,6 +35,9 @@ class Events(Model):
         + "; a list: all are as frequent",
     )
     spacing_m: float = Field(40.0, ge=10, le=1000, description="minimum distance along the route between two events")
+    required: bool = Field(
+        False, description="whether a scene is drawn again, up to 50 times, until its route has room for all events"
+    )
 
     @field_validator("kinds", mode="before")
     @classmethod

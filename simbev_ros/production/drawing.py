@@ -13,6 +13,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver, observe_s
 from simbev_ros.production.open_stations import enclosed_units
 from simbev_ros.production.surroundings import build_surroundings, load_roads
 from simbev_ros.scene.drawing.chosen_maps import maps_of
+from simbev_ros.scene.drawing.draw_events import missing_events
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.reach import loaded_reach
@@ -44,7 +45,8 @@ def draw_accepted(
 ) -> SceneSpec:
     """Draw a scene as ``draw_scene`` does, again with the next seed for as long as it breaks a rule of ``accept``.
 
-    It is also drawn again if a roadside unit in a drawn place has no free view.
+    It is also drawn again if a roadside unit in a drawn place has no free view, or the route has no room for required
+    events.
 
     Raises:
         InputError: It cannot be drawn, or no draw is accepted.
@@ -53,7 +55,7 @@ def draw_accepted(
     max_draws = _MAX_DRAWS if rules is None else rules.max_draws
     for draw in range(max_draws):
         spec = draw_scene(scenario, planned._replace(draw=draw), network, starts)
-        problems = list(enclosed_units(scenario, spec, observer))
+        problems = [*missing_events(scenario, spec), *enclosed_units(scenario, spec, observer)]
         if rules is not None and not problems:
             build_surroundings([spec], observer)
             with observe_step(observer, f"traffic of {spec.name}, for the rules of accept"):

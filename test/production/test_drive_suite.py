@@ -9,6 +9,7 @@ import pytest
 
 from simbev_ros.evaluation.driving.recorded_drives import RecordedDrive
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.drive_suite import (
     GROUPS,
     SuiteDrive,
@@ -18,6 +19,7 @@ from simbev_ros.production.drive_suite import (
     suite_size,
     suite_tables,
 )
+from simbev_ros.scene.drawing.draw_events import missing_events
 
 ABILITIES = ("merging", "overtaking", "emergency_brake", "give_way", "traffic_sign")
 
@@ -102,3 +104,19 @@ def test_scores_are_averaged_by_group() -> None:
     assert scores["town"] == [("Town01 (1)", 40.0), ("Town02 (2)", 70.0), ("mean", 60.0)]
     assert scores["weather"] == [("rain (1)", 80.0), ("clear (2)", 50.0), ("mean", 60.0)]
     assert scores["daytime"] == [("day (3)", 60.0)]
+
+
+@pytest.mark.parametrize(
+    ("required", "wanted"), [(True, ["drive.events.required: room for 0 of 1 events"]), (False, [])]
+)
+def test_a_scene_without_room_for_its_event_is_drawn_again(required: bool, wanted: list[str]) -> None:
+    scenario = suite_scenarios("none", "ackermann", 60)["merging"]
+    blocks = scenario.model_copy(update={"scenes": scenario.scenes[-1:]})
+    [spec] = draw_scenes(blocks)
+    assert spec.drive is not None and scenario.drive is not None and scenario.drive.events is not None
+    assert [each.kind.value in ("cut_in", "merge") for each in spec.drive.events] == [True]
+    events = scenario.drive.events.model_copy(update={"required": required})
+    scenario = scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"events": events})})
+    bare = spec.model_copy(update={"drive": spec.drive.model_copy(update={"events": ()})})
+    assert [each.removesuffix(" on the route") for each in missing_events(scenario, bare)] == wanted
+    assert not [*missing_events(scenario, spec)]

@@ -17,7 +17,7 @@ from simbev_ros.scene.events.kinds import EventClass, event_classes
 from simbev_ros.scene.events.route_line import Place, RouteLine
 from simbev_ros.schema.scene.drive_spec import EventKind, EventSpec, RouteSpec
 from simbev_ros.schema.scene.hazard import HazardSpec
-from simbev_ros.schema.scene.spec import PedestrianSpec, StandSpec, VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, StandSpec, VehicleSpec, WaypointSpec
 
 _LOGGER = logging.getLogger(__name__)
 _PLACES: Mapping[str, Callable[[RouteLine], Iterator[Place]]] = {
@@ -75,8 +75,7 @@ def draw_events(
         clearance: The ground that vehicles occupy, to which those of events are added.
         hazards: Hazard areas, whose lanes have no events.
     """
-    wanted = None if scenario.drive is None else scenario.drive.events
-    count = 0 if wanted is None else round(sample(wanted.count, stream(seed, "drive_events.count")))
+    wanted, count = None if scenario.drive is None else scenario.drive.events, _count(scenario, seed)
     if wanted is None or not count:
         return DrawnEvents()
     line, names = RouteLine(route, network), [name for name, weight in wanted.kinds.items() if weight]
@@ -87,7 +86,7 @@ def draw_events(
         for kind, found in found_by_kind.items()
     }
     missing = [kind for kind, found in places.items() if not found]
-    if missing and "kinds" in wanted.model_fields_set:
+    if missing and "kinds" in wanted.model_fields_set and not wanted.required:
         _LOGGER.warning("%s: the route has no place for the events %s", network.name, ", ".join(missing))
     drawn: list[_Drawn] = []
     for number in range(count):
@@ -95,11 +94,28 @@ def draw_events(
         free = {kind: _free(found, drawn, wanted.spacing_m) for kind, found in places.items()}
         weights = {kind: wanted.kinds[kind.value] for kind, found in free.items() if found}
         event = _draw_event(free, weights, drawn, clearance, rng)
+        if event is None and wanted.required:
+            break
         if event is None:
             _LOGGER.warning("%s: room for %d of %d events on the route", network.name, len(drawn), count)
             break
         drawn.append(event)
     return _numbered(drawn, len(vehicles), len(pedestrians))
+
+
+def missing_events(scenario: Scenario, spec: SceneSpec) -> Iterator[str]:
+    """Yield that the route of a drawn scene has no room for all of its events, if the configuration requires them."""
+    if spec.drive is None or scenario.drive is None or scenario.drive.events is None:
+        return
+    drawn, count = len(spec.drive.events), _count(scenario, spec.seed)
+    if scenario.drive.events.required and drawn < count:
+        yield f"drive.events.required: room for {drawn} of {count} events on the route"
+
+
+def _count(scenario: Scenario, seed: int) -> int:
+    """Number of events that are wanted in a scene."""
+    wanted = None if scenario.drive is None else scenario.drive.events
+    return 0 if wanted is None else round(sample(wanted.count, stream(seed, "drive_events.count")))
 
 
 def _free(places: list[Place], drawn: list[_Drawn], spacing_m: float) -> list[Place]:

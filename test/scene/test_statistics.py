@@ -1,7 +1,8 @@
+import drive_cases
 import numpy as np
 import pytest
 
-from simbev_ros.scene.drawing.statistics import BINS, Tally
+from simbev_ros.scene.drawing.statistics import BINS, Tally, iter_drawn_values
 
 
 def test_a_tally_of_batches_equals_the_statistics_of_the_whole() -> None:
@@ -23,3 +24,12 @@ def test_a_tally_of_one_value_has_no_spread() -> None:
     tally.add(np.full(7, 0.1))
     tally.add(np.full(5, 0.1))
     assert (tally.count, tally.min, tally.max, tally.sd) == (12, 0.1, 0.1, 0.0)
+
+
+def test_a_route_is_its_length_and_not_its_points() -> None:
+    scene = drive_cases.spec()
+    assert scene.drive is not None
+    found = {name: value for name, value in iter_drawn_values(scene) if name.startswith("drive.")}
+    assert found["drive.route_m"] == scene.drive.route.length_m
+    assert found["drive.events"] == len(scene.drive.events)
+    assert not [name for name in found if name.startswith("drive.route.")]

@@ -22,7 +22,8 @@ _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twi
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors", "frames", "base_link_x_m"),
-    *("agents", "v2x", "stands_at", "blocked", "outline_m", "z_m", "props", "yields_to_emergency", "wrecks_cleared_s"),
+    *("agents", "v2x", "route", "stands_at", "blocked", "outline_m", "z_m", "props"),
+    *("yields_to_emergency", "wrecks_cleared_s"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 
@@ -102,6 +103,9 @@ def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     yield "vehicles", float(len(spec.drivers) - carriers)
     yield "pedestrians", float(len(spec.pedestrians))
     yield "hazards", float(len(spec.hazards))
+    if spec.drive is not None:
+        yield "drive.route_m", spec.drive.route.length_m
+        yield "drive.events", float(len(spec.drive.events))
     yield from _iter_values("ego", spec.vehicles[0])
     yield from _iter_values("agents", spec.vehicles[1:carriers])
     yield from _iter_values("vehicles", spec.drivers[carriers:])

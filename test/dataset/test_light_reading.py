@@ -25,7 +25,7 @@ NAMES_OF_LINUX = {
 }
 OF_EXTRAS = sorted({module for extra in load_extras().values() for module in extra.modules})
 ROOMS = ("schema", "recording", "dataset", "evaluation", "export")
-NEED_MORE = ("dataset/torch_dataset", "export/maps", "export/nuscenes/map_", "evaluation/live")
+NEED_MORE = ("dataset/torch_dataset", "export/maps", "export/nuscenes/map_", "evaluation/driving", "evaluation/live")
 """Modules that need PyTorch, maps or ROS, which none of the others imports before it is needed."""
 NOT_LOADED = (
     *("cv2", "scipy", "shapely", "PIL", "plotly", "pandas"),
@@ -142,3 +142,8 @@ def test_what_a_verb_lacks_is_said_in_one_line_with_the_remedy(dataset: Path, tm
         assert error.startswith(f"error: {use}; install {pronoun}: {sys.executable} -m pip install ")
         assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_drives_need_the_simulators_libraries_and_say_so(dataset: Path) -> None:
+    [(code, _, err)] = simbev(["evaluate", str(dataset)], all_platforms=False)
+    assert code == 2 and err.startswith("error: ") and "this needs the simulator" in err and len(err.splitlines()) == 1, err

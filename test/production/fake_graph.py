@@ -41,6 +41,8 @@ class FakeGraph:
 class FakeSession:
     """One session: a scene has two ticks."""
 
+    has_lost_driver = False
+
     def __init__(self, graph: FakeGraph, dataset: Path) -> None:
         self._graph, self._dataset = graph, dataset
 

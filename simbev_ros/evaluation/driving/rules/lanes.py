@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
 from simbev_ros.evaluation.driving.moment import Moment
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -65,7 +66,7 @@ class RoadPlaces:
             corner_m = np.array([column, row]) * _TILE_M
             area = shapely.box(*(corner_m - _MARGIN_M), *(corner_m + _TILE_M + _MARGIN_M))
             surfaces = surfaces_of(self._network.layout, level, area)
-            self._tiles[key] = shapely.union_all([surfaces.road, surfaces.shoulder])
+            self._tiles[key] = overlay.union_all([surfaces.road, surfaces.shoulder])
             shapely.prepare(self._tiles[key])
         return self._tiles[key]
 

@@ -146,4 +146,6 @@ def test_what_a_verb_lacks_is_said_in_one_line_with_the_remedy(dataset: Path, tm
 
 def test_drives_need_the_simulators_libraries_and_say_so(dataset: Path) -> None:
     [(code, _, err)] = simbev(["evaluate", str(dataset)], all_platforms=False)
-    assert code == 2 and err.startswith("error: ") and "this needs the simulator" in err and len(err.splitlines()) == 1, err
+    assert (
+        code == 2 and err.startswith("error: ") and "this needs the simulator" in err and len(err.splitlines()) == 1
+    ), err

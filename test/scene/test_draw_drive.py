@@ -137,5 +137,6 @@ def test_a_route_changes_nothing_of_the_rest_of_the_scene(network: RoadNetwork) 
     scenario = load_scenario("paper").model_copy(update={"traffic": Traffic(vehicles=3, pedestrians=0)})
     without = draw_scene(scenario, PLANNED, network)
     ego = with_route.vehicles[0].model_copy(update={"via": ()})
-    assert with_route.model_copy(update={"drive": None, "vehicles": (ego, *with_route.vehicles[1:])}) == without
+    of_drives = {"drive": None, "yields_to_emergency": False, "wrecks_cleared_s": None}
+    assert with_route.model_copy(update={**of_drives, "vehicles": (ego, *with_route.vehicles[1:])}) == without
     assert "drive" not in without.model_dump()

@@ -53,7 +53,7 @@ def _read_model(data: bytes) -> None:
         def get_outputs(self) -> list[Any]:
             return []
 
-    with mock.patch("simbev_ros.baselines.inference._session", return_value=Session()):
+    with mock.patch("simbev_ros.baselines.inference.open_session", return_value=Session()):
         baseline = Baseline(Path("a.onnx"))
     ages_ns = baseline.sweep_ages_ns
     assert 1 <= len(ages_ns) <= 64 and list(ages_ns) == sorted(ages_ns) and 0 <= ages_ns[0] <= ages_ns[-1] <= 60e9

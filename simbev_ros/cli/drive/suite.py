@@ -52,7 +52,7 @@ def suite(
 
     simbev drive suite --stack drive-truth --out drives/truth --routes 20 --report truth.html
 
-    simbev drive suite --stack "python3 my_driver.py" --out drives/mine --workers auto --json mine.json
+    simbev drive suite --stack ".venv/bin/python my_driver.py" --out drives/mine --workers auto --json mine.json
 
     [bold]A driver, my_driver.py[/]
 

@@ -15,7 +15,7 @@ from simbev_ros.evaluation.driving.rules.time_to_collision import TimeToCollisio
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.schema.scene.route_progress import DriveEnd, DriveRule, RouteProgress
+from simbev_ros.schema.scene.route_progress import DriveEnd, DriveRule
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 
@@ -36,8 +36,7 @@ class Referee:
         if spec.drive is None:
             raise InputError(f"{spec.name}: has no route to drive")
         self._tick_s = spec.tick_ns / NS_PER_S
-        self._progress, self._completed = RouteProgress(spec.drive.route), 0.0
-        self._ending, self._ended = DriveRule(spec.drive, spec.tick_ns), ""
+        self._ending, self._ended, self._completed = DriveRule(spec.drive, spec.tick_ns), "", 0.0
         places = RoadPlaces(network)
         self._lanes, self._speed, self._comfort = (
             LaneRule(places),
@@ -67,16 +66,16 @@ class Referee:
         if self._before is not None and self._before.before is not None:
             self._before.before.before = None  # two moments are enough
         moment = Moment(state, self._tick_s, self._before, 0.0)
-        progress = self._progress.advance_to(moment.position_m)
+        end = self._ending.end_at(state.tick, moment.position_m, moment.speed_mps)
+        progress = self._ending.progress
         moment.distance_m, self._completed = progress.furthest_m, progress.completed
-        found = (*chain.from_iterable(rule.judge(moment) for rule in self._rules), *self._end(moment))
+        found = (*chain.from_iterable(rule.judge(moment) for rule in self._rules), *self._end(moment, end))
         self._infractions += found
         self._before, self._ticks = moment, self._ticks + 1
         return found
 
-    def _end(self, moment: Moment) -> Iterator[Infraction]:
+    def _end(self, moment: Moment, end: tuple[DriveEnd, str] | None) -> Iterator[Infraction]:
         """Yield what ends the drive, unless it is the goal."""
-        end = self._ending.end_at(moment.state.tick, moment.position_m, moment.speed_mps)
         if end is not None:
             self._ended = end[0].value
             if end[0] is DriveEnd.GOAL:

@@ -99,12 +99,18 @@ class DriveEnd(StrEnum):
 
 
 class DriveRule:
-    """Decides at each tick from 0 on whether a drive ends."""
+    """Decides at each tick from 0 on whether a drive ends.
+
+    Attributes:
+        progress: Progress at the latest tick that ``end_at`` was asked for.
+    """
+
+    progress: Progress
 
     def __init__(self, drive: DriveSpec, tick_ns: int) -> None:
         """For a drive with ticks of this length."""
         self._drive, self._tick_s = drive, tick_ns / NS_PER_S
-        self._progress = RouteProgress(drive.route)
+        self._route_progress = RouteProgress(drive.route)
         self._standing_ticks = 0
 
     def end_at(self, tick: int, position_m: Float64Array, speed_mps: float) -> tuple[DriveEnd, str] | None:
@@ -115,7 +121,8 @@ class DriveRule:
             position_m: (2,) or (3,) center of the vehicle, map frame.
             speed_mps: Its horizontal speed.
         """
-        drive, progress = self._drive, self._progress.advance_to(position_m)
+        drive, progress = self._drive, self._route_progress.advance_to(position_m)
+        self.progress = progress
         self._standing_ticks = self._standing_ticks + 1 if speed_mps < STANDING_MPS else 0
         at = f"{progress.distance_m:.1f} of {drive.route.length_m:.1f} m at tick {tick}"
         if progress.offset_m > drive.off_route_m:

@@ -8,19 +8,16 @@ import numpy as np
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.simulation.world.driving.commands import AckermannCommand, VehicleCommand
+from simbev_ros.simulation.world.driving.driven_vehicle import DrivenVehicle
 from simbev_ros.simulation.world.driving.vehicle_model import Dynamics, VehicleModel
 
-COMMAND_TIMEOUT_S = 0.5
-"""Time without a command after which the vehicle brakes; a trajectory lasts until its end."""
 _HOLDING_MPS, _HOLDING_MPS2 = 0.05, 2.0  # speed below which the brakes hold a vehicle that is to stand, and how firmly
 
 
-class CommandedDriver:
-    """Drives one vehicle.
+class CommandedDriver(DrivenVehicle):
+    """Drives one vehicle; a trajectory lasts until its end, whatever the age of its command.
 
     Attributes:
-        front_m: (3,) center of the front bumper, map frame.
-        axle_m: (3,) center of the rear axle, at the height of the road like ``front_m``.
         model: The state of the vehicle.
     """
 
@@ -33,20 +30,16 @@ class CommandedDriver:
         tick_s: float,
         heights_m: Callable[[Float64Array], Float64Array],
     ) -> None:
-        """Start at rest; the arguments are those of ``EgoDriver``."""
-        self._rear_to_front_m = (blueprint.size_m[0] + blueprint.wheelbase_m) / 2.0
-        self._max_speed_mps, self._tick_s, self._heights_m = max_speed_mps, tick_s, heights_m
+        """Start at rest; arguments as for ``DrivenVehicle``."""
+        super().__init__(blueprint, front_m, direction, max_speed_mps, tick_s, heights_m)
         self._comfortable_mps2 = blueprint.decel
         yaw_rad = math.atan2(direction[1], direction[0])
         own = Dynamics.of(blueprint)
         back_m = self._rear_to_front_m - own.rear_m
         x_m, y_m = front_m[0] - back_m * math.cos(yaw_rad), front_m[1] - back_m * math.sin(yaw_rad)
         self.model = VehicleModel(own, float(x_m), float(y_m), yaw_rad)
-        self._above_m = float(front_m[2] - heights_m(front_m[None])[0])
-        self.front_m = self.axle_m = front_m.copy()
         self._place()
         self._command: VehicleCommand | None = None
-        self._ticks_without_command = 0
 
     def follow(self, command: VehicleCommand) -> None:
         """Follow a command from the next tick on."""
@@ -57,8 +50,7 @@ class CommandedDriver:
         model, command = self.model, self._command
         rise_m, run_m = self.front_m[2] - self.axle_m[2], np.linalg.norm((self.front_m - self.axle_m)[:2])
         slope = float(rise_m / run_m)
-        is_late = self._ticks_without_command * self._tick_s >= COMMAND_TIMEOUT_S - 1e-9
-        if command is None or (is_late and isinstance(command, AckermannCommand)):
+        if command is None or (self._lacks_command and isinstance(command, AckermannCommand)):
             command = AckermannCommand(model.steer_rad, 0.0, self._comfortable_mps2)
         self._ticks_without_command += 1
         steer_rad, speed_mps, wanted_mps2 = command.demand(model, stamp_ns, self._tick_s)
@@ -78,9 +70,3 @@ class CommandedDriver:
         axle_m = np.array([model.x_m, model.y_m]) - model.dynamics.rear_m * ahead
         self.axle_m = self._on_road(axle_m, self.axle_m[2])
         self.front_m = self._on_road(axle_m + self._rear_to_front_m * ahead, self.front_m[2])
-
-    def _on_road(self, xy_m: Float64Array, near_m: float) -> Float64Array:
-        """(3,) point at (2,) coordinates, on the road that is roughly at the height ``near_m``."""
-        point_m = np.array([*xy_m, near_m])
-        point_m[2] = self._heights_m(point_m[None])[0] + self._above_m
-        return point_m

@@ -7,8 +7,8 @@ import numpy as np
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint
+from simbev_ros.simulation.world.driving.driven_vehicle import DrivenVehicle
 
-_COMMAND_TIMEOUT_S = 0.5  # without a command for this long, the ego brakes
 _MAX_REVERSE_MPS = 5.0
 _MAX_STEER_RAD = 0.6
 _MAX_STEER_RATE_RADPS = 0.8
@@ -17,14 +17,12 @@ _MAX_YAW_RATE_RADPS = 1.2
 _MIN_ROLLING_MPS = 0.5  # at lower speeds, the wheels steer as they would at this speed
 
 
-class EgoDriver:
+class EgoDriver(DrivenVehicle):
     """Kinematic bicycle model with limited acceleration, steering angle, steering rate and lateral acceleration.
 
     It drives forward and backward, and stops in between.
 
     Attributes:
-        front_m: (3,) center of the front bumper, map frame.
-        axle_m: (3,) center of the rear axle, at the height of the road like ``front_m``.
         yaw_rad: Heading.
     """
 
@@ -37,27 +35,12 @@ class EgoDriver:
         tick_s: float,
         heights_m: Callable[[Float64Array], Float64Array],
     ) -> None:
-        """Start at rest.
-
-        Args:
-            blueprint: The vehicle.
-            front_m: (3,) center of the front bumper, map frame.
-            direction: (2,) or (3,) vector of its heading.
-            max_speed_mps: Maximum speed forward.
-            tick_s: Time between two calls of ``advance_tick``.
-            heights_m: Function from (N, 3) points, roughly at road height, to the (N,) heights of the road.
-        """
-        self.front_m = front_m.copy()
-        self.yaw_rad = math.atan2(direction[1], direction[0])
-        self._blueprint = blueprint
-        self._rear_to_front_m = (blueprint.size_m[0] + blueprint.wheelbase_m) / 2.0  # from the rear axle to the bumper
-        self._max_speed_mps, self._tick_s, self._heights_m = max_speed_mps, tick_s, heights_m
-        # SUMO's points have the height of their lane's center line, which may differ from the road surface below.
-        self._above_m = float(front_m[2] - heights_m(front_m[None])[0])
+        """Start at rest; arguments as for ``DrivenVehicle``."""
+        super().__init__(blueprint, front_m, direction, max_speed_mps, tick_s, heights_m)
+        self._blueprint, self.yaw_rad = blueprint, math.atan2(direction[1], direction[0])
         self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * self._ahead(), front_m[2])
         self._desired_mps = self._desired_radps = 0.0
         self._speed_mps = self._steer_rad = 0.0
-        self._ticks_without_command = 0
 
     def set_command(self, speed_mps: float, yaw_rate_radps: float) -> None:
         """Set the desired motion from the next tick on; negative speeds go backward, non-finite values are ignored."""
@@ -67,7 +50,7 @@ class EgoDriver:
 
     def advance_tick(self) -> None:
         """Drive for one tick."""
-        if self._ticks_without_command * self._tick_s >= _COMMAND_TIMEOUT_S - 1e-9:
+        if self._lacks_command:
             self._desired_mps = self._desired_radps = 0.0
         self._ticks_without_command += 1
         self._change_speed()
@@ -95,12 +78,6 @@ class EgoDriver:
         accelerates = abs(desired_mps) > abs(self._speed_mps)
         limit_mps2 = self._blueprint.accel if accelerates else self._blueprint.decel
         self._speed_mps += _clamp(desired_mps - self._speed_mps, limit_mps2 * self._tick_s)
-
-    def _on_road(self, xy_m: Float64Array, near_m: float) -> Float64Array:
-        """(3,) point at (2,) coordinates, on the road that is roughly at the height ``near_m``."""
-        point_m = np.array([*xy_m, near_m])
-        point_m[2] = self._heights_m(point_m[None])[0] + self._above_m
-        return point_m
 
     def _ahead(self) -> Float64Array:
         """(2,) unit vector of the heading."""

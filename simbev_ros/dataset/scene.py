@@ -12,6 +12,7 @@ import numpy as np
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.content import Content, SceneBags, Source, read_tracks
 from simbev_ros.dataset.frame import Frame
+from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
@@ -172,6 +173,17 @@ class Scene(Sequence[Frame]):
             known = self.sources.get(key)
             stamps_ns = np.zeros(0, np.int64) if known is None else known.stamps_ns
             found &= np.diff(np.searchsorted(stamps_ns, edges_ns, side="right")) > 0
+        return found
+
+    def records(self, key: str) -> list[Mapping[str, Any]]:
+        """All records of all frames under the key of a sporadic topic, such as ``world/events``.
+
+        Raises:
+            BagError: The bag is damaged, or one of them is not a JSON object.
+        """
+        found = [each for tick in np.flatnonzero(self.has([key])).tolist() for each in self[tick][key]]
+        if not all(isinstance(each, dict) for each in found):
+            raise BagError(f"{self.path}: {key}: not all records are JSON objects")
         return found
 
     def __len__(self) -> int:

@@ -18,6 +18,7 @@ from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import bytes_of
+from simbev_ros.schema.scene.state import COLLISION
 from simbev_ros.schema.scene.weather import Weather
 
 MAX_FRAMES = 20_000
@@ -157,7 +158,6 @@ def _open(path: AnyPath) -> Dataset:
 
 def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
     spec, ego_m = scene.spec, _known_positions(tally.moments)
-    events = scene.sources.get("world/events")
     return SceneFacts(
         name=scene.name,
         number=scene.number,
@@ -170,7 +170,7 @@ def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
         vehicles=len(spec.vehicles),
         pedestrians=len(spec.pedestrians),
         hazards=Counter(hazard.kind.value for hazard in spec.hazards),
-        collisions=0 if events is None else int((events.stamps_ns >= spec.start_ns).sum()),
+        collisions=sum(each.get("type") == COLLISION for each in scene.records("world/events")),
         weather=spec.weather,
         boxes=int(tally.counts["boxes"].sum()),
         labeled_frames=tally.labeled_frames,

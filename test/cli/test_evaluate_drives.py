@@ -12,6 +12,7 @@ from drive_cases import EGO_ID, RIGHT_M, TICK_S, actor, network, spec, state, st
 from ros_messages import odometry, point_cloud, string
 
 from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.statistics import statistics_of
 from simbev_ros.evaluation.driving import recorded_drives
 from simbev_ros.evaluation.driving.figures import drive_figures
 from simbev_ros.evaluation.driving.recorded_drives import drives_of
@@ -20,6 +21,9 @@ from simbev_ros.evaluation.driving.static_world import SolidMesh
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.ros.msgs.world import event_record
+from simbev_ros.scene.legend import legend
+from simbev_ros.schema.scene.state import Event
 
 Answer = Any
 TICKS = 120
@@ -27,9 +31,11 @@ TYPES = {
     "/ego/odom": "nav_msgs/msg/Odometry",
     "/world/actors": "sensor_msgs/msg/PointCloud2",
     "/world/signals": "sensor_msgs/msg/PointCloud2",
+    "/world/events": "std_msgs/msg/String",
     "/drive/events": "std_msgs/msg/String",
     "/drive/score": "std_msgs/msg/String",
 }
+WORLD_EVENTS = {3: ["merge.begin"], 7: ["merge.end", "fog_bank.begin"], 50: ["collision"], 60: ["merge.begin"]}
 SCENE = spec().model_copy(update={"ticks": TICKS})
 EGO, CAR = straight(10.0), straight(0.0, 50.0)
 
@@ -50,6 +56,8 @@ def record(folder: Path, *, has_referee: bool = True, events: str = "", has_driv
         writer.add_attachment("scene.json", "application/json", scene.model_dump_json().encode())
         for topic, type_name in TYPES.items():
             writer.add_topic(topic, type_name, QosProfile())
+        writer.add_topic("/world/legend", "std_msgs/msg/String", QosProfile(durability="transient_local"))
+        writer.write("/world/legend", scene.start_ns, string(json.dumps(legend(()))))
         for tick in range(TICKS):
             stamp_ns, time_s = scene.stamp_ns(tick), tick * TICK_S
             seen = state(scene, tick, [actor(EGO_ID, EGO, time_s), actor(2, CAR, time_s)])
@@ -58,6 +66,9 @@ def record(folder: Path, *, has_referee: bool = True, events: str = "", has_driv
             writer.write("/ego/odom", stamp_ns, odometry(stamp_ns, place_m, np.zeros(3)))
             writer.write("/world/actors", stamp_ns, point_cloud(stamp_ns, seen.actors))
             writer.write("/world/signals", stamp_ns, point_cloud(stamp_ns, seen.signals))
+            for kind in WORLD_EVENTS.get(tick, ()):
+                event = Event(kind, (2,), (*place_m,), 0.0)
+                writer.write("/world/events", stamp_ns, string(json.dumps(event_record(event, seen))))
             for infraction in begun if has_referee else ():
                 writer.write("/drive/events", stamp_ns, string(events or json.dumps(infraction.record())))
             if has_referee and (tick % 10 == 9 or begun):
@@ -92,6 +103,10 @@ def test_scores_are_printed_and_written_and_each_infraction_has_pictures(
     assert figures["scores"]["leaderboard_2_1"]["driving_score"] == pytest.approx(completed / 1.7)
     events = figures["scenes"]["Blocks-0000"]["events"]
     assert [event["kind"] for event in events] == ["time_to_collision", "collision_vehicle"]
+    told = [each["type"] for each in figures["scenes"]["Blocks-0000"]["route_events"]]
+    assert told == ["merge.begin", "merge.end", "fog_bank.begin", "merge.begin"]
+    counts = [re.split(r"\s{2,}", line.strip()) for line in answer.out.splitlines() if "merge" in line or "fog" in line]
+    assert counts == [["merge", "2", "1"], ["fog_bank", "1", "0"]]
     page = (tmp_path / "r.html").read_text()
     assert page.count("<svg viewBox") == 8
     _, first, second = re.split("<p><b>", page)
@@ -123,6 +138,11 @@ def test_the_drive_of_a_scene_that_failed_has_a_score(simbev: Callable[..., Answ
     assert answer.code == 0, answer.err
     assert "as their scenes failed: Blocks-0000" in answer.out
     assert "collision_vehicle" in answer.out or "collision vehicle" in answer.out
+
+
+def test_only_collisions_count_as_such_in_statistics(tmp_path: Path) -> None:
+    record(tmp_path / "bag")
+    assert [each.collisions for each in statistics_of(open_dataset(tmp_path / "bag")).scenes] == [1]
 
 
 def test_a_malformed_score_is_refused(tmp_path: Path) -> None:

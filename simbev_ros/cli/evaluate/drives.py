@@ -40,7 +40,12 @@ def evaluate_drives(
         )
     means = mean_figures([each.figures for each in drives])
     by_scene: dict[str, Any] = {
-        each.scene: {**each.figures, "events": [event.record() for event in each.infractions]} for each in drives
+        each.scene: {
+            **each.figures,
+            "events": [event.record() for event in each.infractions],
+            "route_events": each.route_events,
+        }
+        for each in drives
     }
     if json_file is not None:
         figures = {"dataset": str(dataset), **means, "scenes": by_scene}

@@ -11,7 +11,7 @@ from simbev_ros.evaluation.driving.referee import Referee
 from simbev_ros.evaluation.driving.static_world import load_static_world
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.maps.build import load_network
-from simbev_ros.schema.scene.state import EGO_ID, WorldState
+from simbev_ros.schema.scene.state import COLLISION, EGO_ID, WorldState
 
 _EVENTS, _SCORE, _ACTORS, _SIGNALS = "drive/events", "drive/score", "world/actors", "world/signals"
 
@@ -24,11 +24,13 @@ class RecordedDrive:
         scene: Name of the scene.
         figures: Scores and what they are made of, see ``figures.drive_figures``.
         infractions: All infractions in order.
+        route_events: Records of /world/events for begin and end of each event along the route.
     """
 
     scene: str
     figures: Mapping[str, Any]
     infractions: tuple[Infraction, ...]
+    route_events: tuple[Mapping[str, Any], ...] = ()
 
 
 def drives_of(scenes: Sequence[Scene], *, again: bool = False) -> list[RecordedDrive]:
@@ -52,7 +54,7 @@ def judge_again(scene: Scene) -> RecordedDrive:
     for state in _states(scene):
         referee.judge(state)
     drive = referee.record
-    return RecordedDrive(scene.name, drive_figures(drive), drive.infractions)
+    return RecordedDrive(scene.name, drive_figures(drive), drive.infractions, _route_events(scene))
 
 
 def _states(scene: Scene) -> Iterator[WorldState]:
@@ -67,13 +69,15 @@ def _has_last_score(scene: Scene) -> bool:
 
 
 def _as_recorded(scene: Scene) -> RecordedDrive:
-    eventful = [tick for tick, known in enumerate(scene.has([_EVENTS]).tolist()) if known]
-    records = [record for tick in eventful for record in scene[tick][_EVENTS]]
     try:
-        infractions = tuple(Infraction.of_record(record) for record in records)
-        return RecordedDrive(scene.name, _checked(scene[-1][_SCORE]), infractions)
+        infractions = tuple(map(Infraction.of_record, scene.records(_EVENTS)))
+        return RecordedDrive(scene.name, _checked(scene[-1][_SCORE]), infractions, _route_events(scene))
     except ValueError as error:
         raise BagError(f"{scene.path}: /drive: {error}") from None
+
+
+def _route_events(scene: Scene) -> tuple[Mapping[str, Any], ...]:
+    return tuple(each for each in scene.records("world/events") if each.get("type") != COLLISION)
 
 
 def _checked(figures: Any) -> Mapping[str, Any]:

@@ -1,11 +1,13 @@
-"""Tables of drives as data: their scores, and their infractions by kind."""
+"""Tables of drives as data: their scores, and their infractions and events by kind."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from simbev_ros.evaluation.driving.infractions import UNITS, InfractionKind
 from simbev_ros.evaluation.driving.recorded_drives import RecordedDrive
 from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable
+from simbev_ros.schema.scene.drive_spec import EventKind
 
 _COLUMNS: Mapping[str, tuple[str, str, float]] = {
     "completed %": ("leaderboard_2_0", "route_completion", 1.0),
@@ -21,7 +23,7 @@ _COLUMNS: Mapping[str, tuple[str, str, float]] = {
 
 
 def drive_tables(drives: Sequence[RecordedDrive], means: Mapping[str, Any]) -> Iterator[FigureTable]:
-    """Scores of each drive and their means, then the infractions of all drives."""
+    """Scores of each drive and their means, then the infractions and the events along the routes of all drives."""
     rows = [_scores(each.scene, each.figures) for each in drives]
     if len(drives) > 1:
         rows.append(_scores("mean", means))
@@ -32,6 +34,9 @@ def drive_tables(drives: Sequence[RecordedDrive], means: Mapping[str, Any]) -> I
         yield FigureTable(
             "infractions", ("kind", "count", "at fault", "drives"), [_counts(kind, drives) for kind in kinds]
         )
+    types = Counter(each["type"] for drive in drives for each in drive.route_events)
+    if events := [kind for kind in EventKind if types[f"{kind.value}.begin"]]:
+        yield FigureTable("events", ("kind", "begun", "ended"), [_event_counts(kind, types) for kind in events])
 
 
 def described(kind: InfractionKind, value: float) -> str:
@@ -44,6 +49,11 @@ def _scores(name: str, figures: Mapping[str, Any]) -> list[Cell]:
     values = [(figures["scores"][score][key], factor) for score, key, factor in _COLUMNS.values()]
     cells = [Cell(CellKind.NUMBER, None if value is None else factor * float(value)) for value, factor in values]
     return [Cell(CellKind.NAME, name), *cells, Cell(CellKind.NAME, str(figures.get("ended", "")) or "–")]
+
+
+def _event_counts(kind: EventKind, types: Mapping[str, int]) -> list[Cell]:
+    counts = (types[f"{kind.value}.{when}"] for when in ("begin", "end"))
+    return [Cell(CellKind.NAME, kind.value), *(Cell(CellKind.COUNT, count) for count in counts)]
 
 
 def _counts(kind: InfractionKind, drives: Sequence[RecordedDrive]) -> list[Cell]:

@@ -52,15 +52,19 @@ class SignalState(IntEnum):
     RED_YELLOW = 4
 
 
+COLLISION = "collision"
+"""Type of the events of two actors that touch for the first time."""
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something that happened during the last tick.
 
     Attributes:
-        type: ``collision``: two actors touch for the first time.
-        ids: Ids of the actors, ascending.
-        position_m: Position, map frame.
-        relative_speed_mps: Relative speed of the two actors just before the event.
+        type: ``COLLISION``; or for an event along the route of the first agent its kind with ``.begin`` or ``.end``.
+        ids: Ids of the actors, ascending; without the first agent if the event is one of its route.
+        position_m: Position, map frame; that of the first agent if the event is one of its route.
+        relative_speed_mps: Relative speed of two actors just before they touch; otherwise 0.
     """
 
     type: str

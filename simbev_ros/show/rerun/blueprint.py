@@ -140,7 +140,7 @@ def _facts_tabs(subject: Subject, *, is_live: bool) -> rrb.Tabs:
         views.append(rrb.MapView(origin=plots.GNSS, name="GNSS", zoom=18.0))
     views += [
         rrb.TextDocumentView(origin=SHEET, name="Scene"),
-        rrb.TextLogView(origin=plots.EVENTS, name="Collisions"),
+        rrb.TextLogView(origin=plots.EVENTS, name="Events"),
     ]
     return rrb.Tabs(*views, name="Facts", active_tab=0)
 

@@ -18,7 +18,7 @@ from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.schema.scene.state import Event
+from simbev_ros.schema.scene.state import COLLISION, Event
 from simbev_ros.simulation.world.cast import cast_of, first_prop_id
 from simbev_ros.simulation.world.doors import Doors
 from simbev_ros.simulation.world.driving.outside_drivers import driven_by_commands
@@ -177,7 +177,7 @@ class Actors:
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)
         x_m, y_m, z_m = impact.position_m.tolist()
-        return Event("collision", (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
+        return Event(COLLISION, (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
 
     def _hold_crashed(self) -> None:
         """Mark in SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""

@@ -5,7 +5,7 @@ their vehicles, the pedestrians, the props of hazard areas, the parked vehicles,
 actor that cannot be placed is not reused. Rows ascend by id.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,7 +96,17 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
 
 def first_prop_id(spec: SceneSpec) -> int:
     """The first id after vehicles, riders, towed units and pedestrians."""
-    return EGO_ID + len(spec.vehicles) + len(_mounted(spec)) + len(_towing(spec)) + len(spec.pedestrians)
+    return _first_pedestrian_id(spec) + len(spec.pedestrians)
+
+
+def actor_ids(spec: SceneSpec, vehicles: Iterable[int], pedestrians: Iterable[int]) -> tuple[int, ...]:
+    """Ids, ascending, of vehicles and pedestrians given by their indices in the specification."""
+    first = _first_pedestrian_id(spec)
+    return (*sorted(EGO_ID + index for index in vehicles), *sorted(first + index for index in pedestrians))
+
+
+def _first_pedestrian_id(spec: SceneSpec) -> int:
+    return EGO_ID + len(spec.vehicles) + len(_mounted(spec)) + len(_towing(spec))
 
 
 def _vehicles(spec: SceneSpec, indices: Sequence[int]) -> Iterator[_Member]:
@@ -139,7 +149,7 @@ def _towed(spec: SceneSpec, vehicles: Sequence[int]) -> Iterator[_Member]:
 
 
 def _pedestrians(spec: SceneSpec, first_point: int, indices: Sequence[int]) -> Iterator[_Member]:
-    first = first_prop_id(spec) - len(spec.pedestrians)
+    first = _first_pedestrian_id(spec)
     for number, index in enumerate(indices):
         pedestrian = spec.pedestrians[index]
         yield _Member(first + index, blueprint_named(pedestrian.blueprint), pedestrian.color, first_point + number)

@@ -203,7 +203,7 @@ class Simulation:
             actors=actors,
             signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
             weather=self.weather.at(tick),
-            events=self._actors.events,
+            events=(*self._actors.events, *self._route_events.events_at(tick, actors)),
         )
         self._steps += 1
         return state

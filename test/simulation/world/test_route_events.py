@@ -12,9 +12,10 @@ from driven_routes import drive_along
 from event_scenes import LEFT, RIGHT, event_scene, town
 from world_scenes import TICK_S, blocks
 
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import EGO_ID, WorldState
+from simbev_ros.schema.scene.state import COLLISION, EGO_ID, WorldState
 from simbev_ros.simulation.world.events.route_events import EventRecord
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -70,6 +71,25 @@ def run(kind: str, brakes: bool, seed: int = 0) -> Run:
     spec = event_scene(kind, edges, lane, seed, ticks=440)
     states, simulation = drive_along(spec, blocks(), speed_mps)
     return Run(spec, states, simulation.event_records[0])
+
+
+@pytest.mark.parametrize(("kind", "tag"), [("hard_brake", Tag.CAR), ("hidden_pedestrian", Tag.PEDESTRIAN)])
+def test_begin_and_end_are_events_of_the_world_at_the_position_of_the_ego(kind: str, tag: Tag) -> None:
+    passed = run(kind, brakes=True)
+    told = [(state, event) for state in passed.states for event in state.events]
+    assert [(state.tick, event.type) for state, event in told] == [
+        (tick, f"{kind}.{when}")
+        for when, tick in (("begin", passed.record.begin_tick), ("end", passed.record.end_tick))
+        if tick is not None
+    ]
+    for state, event in told:
+        actors = state.actors[np.isin(state.actors["id"], event.ids)]
+        assert tag in actors["tag"] and EGO_ID not in actors["id"]
+        assert event.position_m == tuple(float(state.ego[axis]) for axis in "xyz")
+
+
+def collide(states: list[WorldState]) -> bool:
+    return any(event.type == COLLISION for state in states for event in state.events)
 
 
 def is_cutting_in(state: WorldState) -> bool:
@@ -172,7 +192,7 @@ def test_the_emergency_vehicle_is_blocked_by_an_ego_in_its_lane_and_passes_one_t
         states, simulation = drive_along(spec, blocks(), lambda state, _: 2.5, gives_way_m)
         assert simulation.event_records[0].begin_tick is not None
         lights = {int(state.actors[1]["lights"]) & 32 for state in states}
-        assert lights == {0, 32} and not any(state.events for state in states)
+        assert lights == {0, 32} and not collide(states)
         ahead_m.append(np.array([state.actors[1]["y"] - state.ego["y"] for state in states]))
     assert ahead_m[0][0] < -20.0 and ahead_m[0].max() < -4.0 and ahead_m[1].max() > 10.0
 
@@ -199,8 +219,8 @@ def test_a_vehicle_on_the_ring_meets_the_ego_at_the_entry_of_a_roundabout() -> N
             lambda state, simulation: 7.0 * (simulation.event_records[0].begin_tick is None),
         )
     )
-    assert any(state.events for state in drives[0])
-    assert not any(state.events for state in stops[0])
+    assert collide(drives[0])
+    assert not collide(stops[0])
 
 
 @pytest.mark.slow

@@ -1,17 +1,19 @@
 """The events of a scene's route over time: each one is prepared, begins as the ego comes, and ends."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.drive_spec import EventKind
 from simbev_ros.schema.scene.route_progress import STANDING_MPS, RouteProgress
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import Event
 from simbev_ros.simulation.world.actors import Actors
+from simbev_ros.simulation.world.cast import actor_ids
 from simbev_ros.simulation.world.events.beside import HiddenPedestrian, OpeningDoor
 from simbev_ros.simulation.world.events.crossing import Crossing
 from simbev_ros.simulation.world.events.cutting_in import CuttingIn
@@ -68,6 +70,8 @@ class RouteEvents:
         drive = spec.drive
         events = () if drive is None else drive.events
         self.records = tuple(EventRecord(number) for number in range(len(events)))
+        self._ids = [actor_ids(spec, event.vehicles, event.pedestrians) for event in events]
+        self._kinds = [event.kind for event in events]
         self._tick_s, self._next_tick = spec.tick_ns / NS_PER_S, next_tick
         self._motions: dict[int, tuple[EventMotion, tuple[int, ...]]] = {}
         self._triggers_m = [event.trigger_m for event in events]
@@ -82,6 +86,15 @@ class RouteEvents:
         self._progress = {} if drive is None else {row: RouteProgress(drive.route) for row in followed}
         self._front_m: Float64Array | None = None
         self._stood_s = 0.0
+
+    def events_at(self, tick: int, actors: Table) -> Iterator[Event]:
+        """Yield what begins and ends at a tick, with these (N,) ``ACTOR_DTYPE`` rows, the first agent's first."""
+        for record in self.records:
+            for when, at in (("begin", record.begin_tick), ("end", record.end_tick)):
+                if at == tick:
+                    x_m, y_m, z_m = (float(actors[0][axis]) for axis in "xyz")
+                    kind, ids = self._kinds[record.number], self._ids[record.number]
+                    yield Event(f"{kind.value}.{when}", ids, (x_m, y_m, z_m), 0.0)
 
     def advance(self, front_m: Float64Array) -> None:
         """Act on the next step of the traffic, with the (V, 3) fronts of the vehicles now."""

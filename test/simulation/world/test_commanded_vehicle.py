@@ -1,9 +1,10 @@
-"""A vehicle that follows commands in the simulation: its published motion is that of its model, and wet roads slip."""
+"""A vehicle that follows commands in the simulation: it is published as its model moves; wet and snowy roads slip."""
 
 import numpy as np
 import pytest
 
 from simbev_ros.config.agents import Ego
+from simbev_ros.config.drive import Drive
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.traffic import Traffic
 from simbev_ros.config.weather import WeatherConfig
@@ -12,10 +13,24 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.world.driving.commands import AckermannCommand
+from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.simulation import Simulation
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
+DRY = Weather(
+    cloudiness=0,
+    precipitation=0,
+    precipitation_deposits=0,
+    wetness=0,
+    wind_intensity=0,
+    sun_azimuth_deg=0,
+    sun_altitude_deg=40,
+    fog_density=0,
+    fog_distance_m=0,
+    fog_falloff=1,
+)
 SETTLING_TICKS = 4
 """Ticks by which published poses follow the model: three for the ground below the wheels, one for the derivatives."""
 
@@ -25,13 +40,14 @@ def network() -> RoadNetwork:
     return load_network(PLANNED.map)
 
 
-def simulation(network: RoadNetwork, wetness: float = 0.0) -> tuple[Simulation, int]:
-    """A simulation whose ego follows commands, and the number of its warm-up ticks."""
-    weather = WeatherConfig.model_validate({"wetness": wetness, "precipitation_deposits": 0.0})
+def simulation(network: RoadNetwork, wetness: float = 0.0, snow: float = 0.0) -> tuple[Simulation, int]:
+    """A simulation whose ego follows commands, and the number of its warm-up ticks; with snow it has a route."""
+    weather = WeatherConfig.model_validate({"wetness": wetness, "precipitation_deposits": 0.0, "snow_cover": snow})
     changes = {
         "ego": Ego(driver="ackermann"),
         "traffic": Traffic(vehicles=0, pedestrians=0),
         "weather": weather,
+        "drive": Drive() if snow else None,
     }
     spec = draw_scene(load_scenario("paper").model_copy(update=changes), PLANNED, network)
     return Simulation(spec, network), spec.warm_up_ticks
@@ -57,10 +73,10 @@ def test_published_motion_is_that_of_the_model_a_few_ticks_later(network: RoadNe
     assert speeds_mps[-1] > 7.0
 
 
-def test_it_needs_a_longer_way_to_stop_on_a_wet_road(network: RoadNetwork) -> None:
+def test_it_needs_a_longer_way_to_stop_on_a_wet_or_snowy_road(network: RoadNetwork) -> None:
     ways_m = []
-    for wetness in (0.0, 100.0):
-        source, warm_up_ticks = simulation(network, wetness)
+    for wetness, snow in ((0.0, 0.0), (100.0, 0.0), (0.0, 50.0)):
+        source, warm_up_ticks = simulation(network, wetness, snow)
         with source:
             for _ in range(warm_up_ticks + 1):
                 source.step()
@@ -74,3 +90,18 @@ def test_it_needs_a_longer_way_to_stop_on_a_wet_road(network: RoadNetwork) -> No
             ways_m.append(float(np.linalg.norm(driver.axle_m - start_m)))
     assert ways_m[0] == pytest.approx(14.0**2 / (2.0 * 9.81) + 14.0 * 0.2, rel=0.25)
     assert ways_m[1] > 1.15 * ways_m[0]
+    assert ways_m[2] == pytest.approx(14.0**2 / (2.0 * 9.81 * 0.625) + 14.0 * 0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("weather", "friction"),
+    [({}, 1.0), ({"snow_cover": 40}, 0.7), ({"snow_cover": 100}, 0.25), ({"wetness": 100, "snow_cover": 50}, 0.475)],
+)
+def test_snow_shares_the_road_with_dry_or_wet_asphalt_in_drives_alone(
+    weather: dict[str, float], friction: float
+) -> None:
+    now = DRY.model_copy(update=weather)
+    assert road_friction(now, with_snow=True) == pytest.approx(friction)
+    assert road_friction(now, with_snow=False) == road_friction(
+        now.model_copy(update={"snow_cover": 0}), with_snow=True
+    )

@@ -90,7 +90,8 @@ class OutsideDrivers:
         """
         for vehicle, driver in self._drivers.items():
             if isinstance(driver, CommandedDriver):
-                driver.advance_tick(self._spec.stamp_ns(tick - 1 + self._delay_ticks), road_friction(weather.at(tick)))
+                friction = road_friction(weather.at(tick), with_snow=self._spec.drive is not None)
+                driver.advance_tick(self._spec.stamp_ns(tick - 1 + self._delay_ticks), friction)
             else:
                 driver.advance_tick()
             self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)

@@ -26,13 +26,17 @@ _MIN_LOAD = 0.05
 """Share of its load at rest that an axle keeps: there is no tire without load."""
 _WET_FRICTION, _PUDDLE_FRICTION = 0.7, 0.55
 """Friction by that of a dry road: wet asphalt, and water at city speeds (Wallman and Åström, VTI 911A, 2001)."""
+_SNOW_FRICTION = 0.25
+"""Likewise on moderate snow, between 0.31 on light and 0.19 on heavy snow ("Lateral coefficient of friction for
+characterizing winter road conditions", University of Alberta, tests of 2012/13)."""
 
 
-def road_friction(weather: Weather) -> float:
-    """Friction of the road by that of a dry one: falls with wetness, and further with puddles."""
+def road_friction(weather: Weather, *, with_snow: bool) -> float:
+    """Mean friction of the road by that of a dry one: falls with wetness, further with puddles, most under snow."""
     wetness, puddles = weather.wetness / 100.0, weather.precipitation_deposits / 100.0
     wet = 1.0 - (1.0 - _WET_FRICTION) * max(wetness, puddles)
-    return wet - (_WET_FRICTION - _PUDDLE_FRICTION) * puddles
+    wet -= (_WET_FRICTION - _PUDDLE_FRICTION) * puddles
+    return wet + (_SNOW_FRICTION - wet) * with_snow * weather.snow_cover / 100.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ from simbev_ros.schema.scene.weather import Weather
 
 BLINKER_HZ = 1.5
 BEACON_HZ = 2.0
-_SUMO_RIGHT, _SUMO_LEFT = 1, 2
-HAZARD_LIGHTS = _SUMO_RIGHT | _SUMO_LEFT
+RIGHT_BLINKER, LEFT_BLINKER = 1, 2
+"""Bits in SUMO's vehicle signals."""
+HAZARD_LIGHTS = RIGHT_BLINKER | LEFT_BLINKER
 """Bits of both blinkers in SUMO's vehicle signals."""
 _BRAKING_MPS2 = -0.6
 _STANDING_MPS = 0.1
@@ -44,8 +45,8 @@ def vehicle_lights(
     for light, on in (
         (Light.LOW_BEAM, in_tunnel | weather.needs_low_beam),
         (Light.BRAKE, braking),
-        (Light.TURN_LEFT, blinker_bright & (signals & _SUMO_LEFT > 0)),
-        (Light.TURN_RIGHT, blinker_bright & (signals & _SUMO_RIGHT > 0)),
+        (Light.TURN_LEFT, blinker_bright & (signals & LEFT_BLINKER > 0)),
+        (Light.TURN_RIGHT, blinker_bright & (signals & RIGHT_BLINKER > 0)),
         (Light.REVERSE, reversing),
         (Light.EMERGENCY, beacon_bright),
     ):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from event_scenes import LEFT, RIGHT, event_scene
+from world_scenes import blocks
 
 from simbev_ros.config.agents import Ego
 from simbev_ros.config.drive import Drive
@@ -12,9 +14,12 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
+from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.route_progress import RouteProgress
+from simbev_ros.schema.scene.state import Light
 from simbev_ros.schema.scene.weather import Weather
-from simbev_ros.simulation.world.driving.commands import AckermannCommand
+from simbev_ros.simulation.world.driving.commands import AckermannCommand, TrajectoryCommand
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -105,3 +110,33 @@ def test_snow_shares_the_road_with_dry_or_wet_asphalt_in_drives_alone(
     assert road_friction(now, with_snow=False) == road_friction(
         now.model_copy(update={"snow_cover": 0}), with_snow=True
     )
+
+
+@pytest.mark.parametrize(("edges", "lane", "side"), [(LEFT, 2, Light.TURN_LEFT), (RIGHT, 1, Light.TURN_RIGHT)])
+def test_indicators_follow_the_route_from_30_m_before_a_turn_to_its_end(
+    edges: tuple[str, str], lane: int, side: Light
+) -> None:
+    drawn = event_scene("fog_bank", edges, lane, ticks=300)
+    assert drawn.drive is not None
+    drive = drawn.drive.model_copy(update={"events": ()})
+    agent = drawn.agents[0].model_copy(update={"driver": "path"})
+    spec = drawn.model_copy(update={"agents": (agent,), "drive": drive})
+    stamps_ns = [spec.start_ns + round(each / 7.0 * 1e9) for each in drive.route.distance_m]
+    plan = TrajectoryCommand.of(stamps_ns, drive.route.points_m[:, :2].tolist())
+    turn = [Command.FOLLOW is not each for each in drive.route.command]
+    first_m, *_, last_m = np.array(drive.route.distance_m)[turn]
+    front_m, shown = [], []
+    with Simulation(spec, blocks()) as source:
+        progress = RouteProgress(drive.route)
+        for _ in range(spec.warm_up_ticks + spec.ticks):
+            state = source.step()
+            source.follow_command(0, plan)
+            if state.tick >= 0:
+                half_m = np.array([np.cos(state.ego["yaw"]), np.sin(state.ego["yaw"])]) * state.ego["length"] / 2.0
+                front_m.append(progress.advance_to(np.array([state.ego["x"], state.ego["y"]]) + half_m).distance_m)
+                shown.append(int(state.ego["lights"]) & (Light.TURN_LEFT | Light.TURN_RIGHT))
+    assert front_m[0] < first_m - 35.0 and front_m[-1] > last_m + 5.0
+    lit_m = np.array(front_m)[np.array(shown) > 0]
+    assert {*shown} == {0, side}
+    assert first_m - 32.0 < lit_m.min() < first_m - 25.0  # half a period of the blinker has 2.3 m
+    assert last_m - 3.0 < lit_m.max() < last_m + 4.0  # lights lag up to 0.35 s behind the pose

@@ -7,12 +7,22 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.weather_course import WeatherCourse
+from simbev_ros.schema.scene.drive_spec import Command
+from simbev_ros.schema.scene.route_progress import RouteProgress
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.driving.commanded_driver import CommandedDriver
 from simbev_ros.simulation.world.driving.commands import VehicleCommand
 from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
+from simbev_ros.simulation.world.lights import LEFT_BLINKER, RIGHT_BLINKER
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
+
+_BLINKERS = {
+    **dict.fromkeys((Command.LEFT, Command.CHANGE_LEFT), LEFT_BLINKER),
+    **dict.fromkeys((Command.RIGHT, Command.CHANGE_RIGHT), RIGHT_BLINKER),
+}
+_INDICATED_M, _INDICATED_S = 30.0, 3.0
+"""Indicators are on 100 feet before a turn (Uniform Vehicle Code, 11-604), and 3 s before a maneuver (UN R79)."""
 
 
 def driven_from_outside(spec: SceneSpec) -> frozenset[int]:
@@ -50,6 +60,7 @@ class OutsideDrivers:
         """
         self._sumo, self._delay_ticks = sumo, delay_ticks
         self._drivers: dict[int, EgoDriver | CommandedDriver] = {}
+        self._progress = None if spec.drive is None else RouteProgress(spec.drive.route)
         self._spec, by_commands = spec, driven_by_commands(spec)
         driven = driven_from_outside(spec)
         if not driven:  # an extra sample would shift the ticks at which SUMO's lanes ahead are refreshed
@@ -92,6 +103,14 @@ class OutsideDrivers:
             if isinstance(driver, CommandedDriver):
                 friction = road_friction(weather.at(tick), with_snow=self._spec.drive is not None)
                 driver.advance_tick(self._spec.stamp_ns(tick - 1 + self._delay_ticks), friction)
+                self._indicate(vehicle, driver)
             else:
                 driver.advance_tick()
             self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)
+
+    def _indicate(self, vehicle: int, driver: CommandedDriver) -> None:
+        """Indicate the maneuver of the route that the first agent is in, or that is near."""
+        if self._progress is not None and vehicle == 0:
+            command, ahead_m = self._progress.next_command(self._progress.advance_to(driver.front_m))
+            is_near = ahead_m <= max(_INDICATED_M, _INDICATED_S * driver.model.speed_mps)
+            self._sumo.given.blinkers[self._sumo.vehicles.index(0)] = _BLINKERS.get(command, 0) if is_near else 0

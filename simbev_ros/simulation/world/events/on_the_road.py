@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.simulation.world.events.motion import EgoOnRoute, EventMotion, Stage
+from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 
 _PASSED_M = 15.0
 
@@ -16,7 +17,7 @@ class BlockedLane(EventMotion):
     def __init__(self, stage: Stage) -> None:
         """Switch the lights on."""
         super().__init__(stage)
-        stage.sumo.given.flash_hazard_lights(self._vehicle)
+        stage.sumo.given.blinkers[self._vehicle] = HAZARD_LIGHTS
 
     def advance(self, ego: EgoOnRoute, along_m: Float64Array) -> bool:
         """Stand until the ego has passed, and then, too."""

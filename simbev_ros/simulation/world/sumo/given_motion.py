@@ -13,17 +13,17 @@ _LATERAL_MPS, _LATERAL_MPS2 = 1.8, "3"
 
 
 class GivenMotion:
-    """Speeds, moves to the side and hazard lights that are given to vehicles.
+    """Speeds, moves to the side and blinkers that are given to vehicles.
 
     Attributes:
         moved: Names of the vehicles whose speed is given.
-        flashing: Rows of the vehicles with hazard lights.
+        blinkers: Bits of the blinkers that are on, by row; other vehicles use theirs as SUMO does.
     """
 
     def __init__(self, names: Sequence[str], left_sign: float) -> None:
         """For vehicles with these names; ``left_sign`` is that of lateral positions to the left."""
         self.moved: set[str] = set()
-        self.flashing: set[int] = set()
+        self.blinkers: dict[int, int] = {}
         self._names, self._left_sign = names, left_sign
         self._left: set[str] = set()
 
@@ -53,7 +53,3 @@ class GivenMotion:
             libsumo.vehicle.setMaxSpeedLat(name, _LATERAL_MPS)
             libsumo.vehicle.setParameter(name, "laneChangeModel.lcAccelLat", _LATERAL_MPS2)
             libsumo.vehicle.changeSublane(name, self._left_sign * left_m)
-
-    def flash_hazard_lights(self, vehicle: int) -> None:
-        """Switch both blinkers of a vehicle on for good."""
-        self.flashing.add(vehicle)

@@ -156,7 +156,8 @@ class SumoTraffic:
                 vehicle = self._vehicle_names.index(name)
                 front_m[vehicle], axle_m[vehicle] = driven_m
             signals = np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64)
-            signals[sorted(self.given.flashing)] |= HAZARD_LIGHTS
+            for vehicle, blinkers in self.given.blinkers.items():
+                signals[vehicle] = signals[vehicle] & ~HAZARD_LIGHTS | blinkers
             return TrafficSample(
                 front_m,
                 axle_m,

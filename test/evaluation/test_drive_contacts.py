@@ -6,7 +6,8 @@ import shapely
 from drive_cases import EGO_ID, TICK_S, actor, drive, network, spec, state, straight
 from synthetic_world import ball, box, mesh, sheet, static_scene
 
-from simbev_ros.evaluation.driving.infractions import InfractionKind
+from simbev_ros.assets.actors.catalog import load_models
+from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
 from simbev_ros.evaluation.driving.moment import Moment
 from simbev_ros.evaluation.driving.referee import Referee
 from simbev_ros.evaluation.driving.rules.collisions import touched
@@ -14,7 +15,8 @@ from simbev_ros.evaluation.driving.rules.time_to_collision import times_to_colli
 from simbev_ros.evaluation.driving.static_world import SolidMesh, solid_triangles_m, triangles_touch_box
 from simbev_ros.foundation.geometry.footprints import footprints_overlap, rectangle_corners
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.scene.blueprints import blueprint_index
 
 
 def test_footprints_overlap_where_their_polygons_do() -> None:
@@ -130,3 +132,37 @@ def test_an_ego_hits_a_pole_once_and_is_at_fault_but_not_curbs_leaves_and_what_h
     assert [(each.at_fault, each.other) for each in hits] == [(True, "")]
     assert hits[0].position_m[0] == pytest.approx(65.0 - 0.1 - 2.0, abs=0.5)
     assert hits[0].value == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(("door", "side"), [(0, 1.0), (1, -1.0)])
+def test_an_ego_that_passes_a_parked_car_hits_its_door_only_if_that_is_open_and_reaches_the_ego(
+    door: int, side: float
+) -> None:
+    car = load_models()[blueprint_index()["vehicle.sedan"]]
+    (part,) = [part for part, each in enumerate(car.parts) if each.opening_rad and each.door == door]
+    # The door by hand: its vertices at rest, turned about the hinge by 65 degrees, outward at its rear end.
+    angle_rad, (hinge_x_m, hinge_y_m, _) = np.radians(-65.0 * side), car.parts[part].pivot_m
+    at_rest_m = car.mesh.vertices[car.mesh.part == part] - [hinge_x_m, hinge_y_m, 0.0]
+    x_m, y_m = np.array([[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]]) @ (
+        at_rest_m[:, :2].T
+    )
+    is_hittable = (at_rest_m[:, 2] > 0.3) & (at_rest_m[:, 2] < 1.5)
+    tip = int(np.argmax(np.where(is_hittable, side * y_m, -np.inf)))
+    tip_m = 60.0 + hinge_x_m + x_m[tip], side * (hinge_y_m + y_m[tip])
+    assert tip_m[1] > car.size_m[1] / 2.0 + 0.4
+
+    def hits(doors: int, gap_m: float) -> list[Infraction]:
+        def parked(time_s: float) -> list[Table]:
+            row = actor(2, straight(0.0, 60.0, 0.0), time_s, size_m=car.size_m)
+            row["blueprint"], row["doors"] = blueprint_index()["vehicle.sedan"], doors
+            return [row]
+
+        at = straight(10.0, y_m=side * (tip_m[1] + 1.0 + gap_m))  # the ego is 2 m wide
+        found = drive(at, 8.0, spec(start_m=10.0), others=parked)[1]
+        return [each for each in found if each.kind is InfractionKind.VEHICLE_COLLISION]
+
+    assert not hits(1 << door, 0.002)
+    (hit,) = hits(1 << door, -0.002)
+    assert (hit.other, hit.at_fault, hit.value) == ("2", True, pytest.approx(10.0))
+    assert 0.0 <= hit.position_m[0] + 2.0 - tip_m[0] < 10.0 * TICK_S  # the first tick at which the ego's front is there
+    assert not hits(0, -0.3) and not hits(1 << (1 - door), -0.3)

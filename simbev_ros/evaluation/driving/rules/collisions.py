@@ -1,8 +1,9 @@
 """Collisions of the ego with actors and with the static world, and whose fault they are.
 
 The world stops bodies just before their boxes overlap (``simulation.world.kinematics.collisions``), so boxes nearer to
-each other than the remaining gap touch. Fault follows nuPlan: the ego is not at fault when it stands or is hit from
-behind; it is when it hits what stands or what is in front of it, and beside it unless it keeps to one lane.
+each other than the remaining gap touch. An open door, which stops nobody, is touched where its mesh is. Fault follows
+nuPlan: the ego is not at fault when it stands or is hit from behind; it is when it hits what stands or what is in front
+of it, and beside it unless it keeps to one lane.
 """
 
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,7 @@ import numpy as np
 
 from simbev_ros.evaluation.driving.infractions import Infraction, InfractionKind
 from simbev_ros.evaluation.driving.moment import Moment, is_beside_in_height, positions_m, sizes_m
+from simbev_ros.evaluation.driving.open_doors import open_doors_touched
 from simbev_ros.evaluation.driving.rules.lanes import RoadPlaces
 from simbev_ros.foundation.geometry.footprints import footprints_overlap
 from simbev_ros.foundation.semantics import Tag
@@ -52,7 +54,7 @@ class CollisionRule:
 
     def judge(self, moment: Moment) -> Iterator[Infraction]:
         """Yield the collisions that begin."""
-        rows = moment.others[touched(moment, CONTACT_M)]
+        rows = moment.others[touched(moment, CONTACT_M) | open_doors_touched(moment)]
         by_id: dict[int, Table | None] = {int(row["id"]): row for row in rows}
         if self._touches_static(moment):
             by_id[STATIC_ID] = None
@@ -93,10 +95,9 @@ class CollisionRule:
             return False
         if row is None or other_mps <= _STOPPED_MPS:
             return True
-        one = row[None] if row.shape == () else row
-        if bearings(moment, one)[0] < _BEHIND_COS:
+        if bearings(moment, row[None])[0] < _BEHIND_COS:
             return False
-        return bool(_is_hit_by_front(moment, one)) or not self._places.keeps_to_one_lane(moment)
+        return _is_hit_by_front(moment, row[None]) or not self._places.keeps_to_one_lane(moment)
 
 
 def touched(moment: Moment, gap_m: float) -> BoolArray:

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simbev_ros.reference_stack.driving.planner import Others, Planner, ends_of
+from simbev_ros.reference_stack.driving.others import Others
+from simbev_ros.reference_stack.driving.planner import Planner, ends_of
 from simbev_ros.reference_stack.driving.route_line import RouteLine
 
 TICK_S, LENGTH_M, WIDTH_M = 0.05, 4.8, 2.0
@@ -107,6 +108,67 @@ def test_positions_are_projected_onto_the_route_and_its_straight_extensions() ->
 def test_beyond_the_searched_part_nothing_is_beside_the_route() -> None:
     _, left_m = RouteLine(route(STRAIGHT)).project(np.array([(150.0, 0.0)]), 0.0, 80.0)
     assert np.isinf(left_m).all()
+
+
+LANE_M = 3.5
+BLOCK = 90.0, 0.0, 0.0, 0.0, 0.0
+
+
+def pass_by(rows: Any, seconds: float, last_m: float = 200.0) -> np.ndarray:
+    """(K, 3) time, x and y of a vehicle with a lane to its left, which ends somewhere; it follows its plans exactly."""
+    line, position_m, speed_mps, driven = RouteLine(route(STRAIGHT)), np.array([10.0, 0.0]), 0.0, []
+    beside_m = np.where(STRAIGHT[:, :1] < last_m, LANE_M, np.nan)
+    planner = Planner(line, LENGTH_M, WIDTH_M, TICK_S, beside_m)
+    for tick in range(round(seconds / TICK_S)):
+        planner.advance_to(position_m)
+        motion = planner.plan(speed_mps, others(*rows(tick * TICK_S)), [])
+        position_m, speed_mps = planner.line.points_at(motion.distance_m[1:2])[0], float(motion.speed_mps[1])
+        driven.append((tick * TICK_S, *position_m))
+    return np.array(driven)
+
+
+def gaps_m(driven: np.ndarray, x_m: Any, y_m: float) -> np.ndarray:
+    """(K,) distances between a driven vehicle and a car, both along the road, in the larger direction."""
+    along_m = np.abs(driven[:, 1] - x_m) - (LENGTH_M + 4.5) / 2.0
+    return np.maximum(along_m, np.abs(driven[:, 2] - y_m) - (WIDTH_M + 1.9) / 2.0)
+
+
+def test_what_stands_in_the_lane_is_passed_beside_it_and_the_route_taken_again() -> None:
+    driven = pass_by(lambda _: (BLOCK,), 19.0)
+    beside = np.abs(driven[:, 1] - 90.0) < 2.2
+    assert driven[beside, 2] == pytest.approx(LANE_M, abs=0.01)
+    assert gaps_m(driven, 90.0, 0.0).min() > 0.8
+    assert driven[-1, 1] > 150.0 and driven[-1, 2] == 0.0
+
+
+def test_one_that_has_only_just_stopped_is_waited_for() -> None:
+    stops = lambda time_s: ((min(40.0 + 8.0 * time_s, 120.0), 0.0, 0.0, 8.0 * (time_s < 10.0), 0.0),)  # noqa: E731
+    driven = pass_by(stops, 25.0)
+    assert np.all(driven[driven[:, 0] < 16.0, 2] == 0.0)
+    assert driven[-1, 1] > 150.0
+
+
+def test_nobody_who_comes_in_the_other_lane_is_met_there() -> None:
+    """Five cars, one each 4 s, are let by before."""
+    x_m = [lambda time_s, first=first: 170.0 + first - 8.0 * time_s for first in range(0, 160, 32)]
+    driven = pass_by(lambda time_s: (BLOCK, *((each(time_s), LANE_M, np.pi, -8.0, 0.0) for each in x_m)), 60.0)
+    assert min(gaps_m(driven, each(driven[:, 0]), LANE_M).min() for each in x_m) > 1.0
+    out_s = driven[np.argmax(driven[:, 2] > 0.5), 0]
+    assert out_s > 20.0 and driven[-1, 1] > 150.0
+
+
+@pytest.mark.parametrize(
+    ("more", "last_m"),
+    [
+        pytest.param((), 100.0, id="before a junction"),
+        pytest.param(((102.0, 0.0, 0.0, 1.0, 0.0),), 200.0, id="behind traffic"),
+        pytest.param(((88.0, LANE_M, 0.0, 0.0, 0.0),), 200.0, id="beside another"),
+    ],
+)
+def test_what_waits_or_leaves_no_room_is_not_passed(more: Any, last_m: float) -> None:
+    driven = pass_by(lambda _: (BLOCK, *more), 25.0, last_m)
+    assert np.all(driven[:, 2] == 0.0)
+    assert driven[-1, 1] < 90.0
 
 
 def test_ends_of_lanes_are_where_the_route_leaves_them() -> None:

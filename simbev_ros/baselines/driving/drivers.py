@@ -13,8 +13,10 @@ import numpy as np
 
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import SignKind
-from simbev_ros.reference_stack.driving.planner import Others, Planner, ends_of
+from simbev_ros.reference_stack.driving.others import Others
+from simbev_ros.reference_stack.driving.planner import Planner, ends_of
 from simbev_ros.reference_stack.driving.route_line import RouteLine
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -22,6 +24,7 @@ from simbev_ros.schema.scene.state import EGO_ID, SignalState
 
 _CONSTANT_MPS, _CONSTANT_MPS2 = 8.0, 2.0
 _MIN_SCORE = 0.3
+_LANE_M = 3.4  # from lane to lane, up to 1 m more or less
 _STOP_ZONE_M, _STANDING_MPS = 3.5, 0.08  # a stop sign is served by standing so near to its line
 _YELLOW_MPS2 = 2.5  # braking that a yellow light is worth
 _RED = (SignalState.RED, SignalState.RED_YELLOW)
@@ -49,8 +52,8 @@ class RouteDriver:
         blueprint = blueprint_named(scene["vehicles"][agent["vehicle"]]["blueprint"])
         self._center_m, self._axle_m = -agent["base_link_x_m"], blueprint.wheelbase_m / 2.0
         self._length_m, self._line = blueprint.size_m[0], RouteLine(scene["drive"]["route"])
-        self._planner = Planner(self._line, blueprint.size_m[0], blueprint.size_m[1], self._tick_s)
         network = load_network(MapSpec.model_validate(scene["map"]))
+        self._planner = Planner(self._line, *blueprint.size_m[:2], self._tick_s, _lanes_beside(self._line, network))
         heads: dict[str, list[int]] = {}
         for row, signal in enumerate(network.signals):
             heads.setdefault(signal.lane, []).append(row)
@@ -79,19 +82,15 @@ class RouteDriver:
         others = _actors(actors) if actors is not None else _boxes(boxes, center_m, pose[2], self._length_m)
         front_m = start_m + self._length_m / 2.0
         stops_m = [*self._red_lights(signals, front_m, speed_mps), *self._stop_signs(front_m, speed_mps)]
-        return self._line.axles_at(self._planner.plan(speed_mps, others, stops_m).distance_m, self._axle_m)
+        motion = self._planner.plan(speed_mps, others, stops_m)
+        return self._planner.line.axles_at(motion.distance_m, self._axle_m)
 
     def _constant(self, start_m: float, speed_mps: float) -> Float64Array:
         time_s = np.arange(60) * self._tick_s
         gain_s = max(_CONSTANT_MPS - speed_mps, 0.0) / _CONSTANT_MPS2
         speeding_s = np.minimum(time_s, gain_s)
-        distances: Float64Array = (
-            start_m
-            + speed_mps * speeding_s
-            + _CONSTANT_MPS2 * speeding_s**2 / 2.0
-            + _CONSTANT_MPS * (time_s - speeding_s)
-        )
-        return distances
+        distances: Float64Array = start_m + speed_mps * speeding_s + _CONSTANT_MPS2 * speeding_s**2 / 2.0
+        return distances + _CONSTANT_MPS * (time_s - speeding_s)
 
     def _red_lights(self, signals: Table | None, front_m: float, speed_mps: float) -> list[float]:
         """Distances along the route of the lines to stop at."""
@@ -110,12 +109,26 @@ class RouteDriver:
         return self._signs_m
 
 
+def _lanes_beside(line: RouteLine, network: RoadNetwork) -> Float64Array:
+    """(N, 4) distances to the left of the lanes beside a route, NaN: none; left and right with it, then against it."""
+    points_m, ahead = line.points_at(line.distance_m), line.headings_at(line.distance_m)
+    left, yaw_rad = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1), np.arctan2(ahead[:, 1], ahead[:, 0])
+    columns, outside = [], np.array([not network.lanes[each].junction for each in line.lanes])
+    for side in (1.0, -1.0):
+        found = network.nearest_lane(points_m + side * _LANE_M * left)
+        lanes, off_m = [network.lanes[each] for each in found.lane], found.position_m[:, :2] - points_m
+        left_m, along_m = (np.einsum("ni,ni->n", off_m, axis) for axis in (left, ahead))
+        is_open = outside & [not each.junction and "passenger" in each.classes for each in lanes]
+        is_open &= (np.abs(side * left_m - _LANE_M) < 1.0) & (np.abs(along_m) < 1.0)
+        cosine = np.cos(found.yaw_rad - yaw_rad)
+        columns += [np.where(is_open & each, left_m, np.nan) for each in (cosine > 0.9, cosine < -0.9)]
+    return np.stack([columns[each] for each in (0, 2, 1, 3)], axis=1)
+
+
 def _actors(actors: Table) -> Others:
     """All actors but the ego and those that ride in or on others."""
     rows = actors[(actors["id"] != EGO_ID) & (actors["parent"] == 0)]
-    velocity, acceleration = (
-        np.stack([rows[x], rows[y]], axis=1, dtype=np.float64) for x, y in (["vx", "vy"], ["ax", "ay"])
-    )
+    velocity, acceleration = _pair(rows, "vx", "vy"), _pair(rows, "ax", "ay")
     speed = np.linalg.norm(velocity, axis=1)
     along = np.einsum("ni,ni->n", velocity, acceleration) / np.maximum(speed, 0.1)
     return _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))
@@ -125,7 +138,7 @@ def _boxes(boxes: Table | None, center_m: Float64Array, yaw_rad: float, length_m
     """Likely boxes that are not the ego itself."""
     if boxes is None:
         raise ValueError("neither actors nor boxes are known")
-    seen_m = np.stack([boxes["x"], boxes["y"]], axis=1) - center_m
+    seen_m = _pair(boxes, "x", "y") - center_m
     along_m, left_m = seen_m @ [np.cos(yaw_rad), np.sin(yaw_rad)], seen_m @ [-np.sin(yaw_rad), np.cos(yaw_rad)]
     is_own = (np.abs(along_m) < length_m / 2.0) & (np.abs(left_m) < 1.0)
     rows = boxes[(boxes["score"] >= _MIN_SCORE) & ~is_own]
@@ -133,14 +146,10 @@ def _boxes(boxes: Table | None, center_m: Float64Array, yaw_rad: float, length_m
 
 
 def _others(rows: Table, braking_mps2: Float64Array, turn_radps: Float64Array) -> Others:
-    def pair(first: str, second: str) -> Float64Array:
-        return np.stack([rows[first], rows[second]], axis=1, dtype=np.float64)
+    position_m, velocity_mps = _pair(rows, "x", "y"), _pair(rows, "vx", "vy")
+    yaw_rad, size_m = rows["yaw"].astype(np.float64), _pair(rows, "length", "width")
+    return Others(position_m, yaw_rad, velocity_mps, turn_radps, braking_mps2, size_m)
 
-    return Others(
-        pair("x", "y"),
-        rows["yaw"].astype(np.float64),
-        pair("vx", "vy"),
-        turn_radps,
-        braking_mps2,
-        pair("length", "width"),
-    )
+
+def _pair(rows: Table, first: str, second: str) -> Float64Array:
+    return np.stack([rows[first], rows[second]], axis=1, dtype=np.float64)

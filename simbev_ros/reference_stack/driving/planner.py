@@ -2,18 +2,19 @@
 
 It follows the route's center line at the speeds of ``RouteLine``, behind what is ahead by the Intelligent Driver Model
 (Treiber et al., Physical Review E 62, 2000), up to lines where it has to stop, and lets pass what would cross its path
-at the time at which it gets there itself. Others are predicted with constant turn rate, and deceleration until they
-stand.
+at the time at which it gets there itself. ``passing`` leads it around what blocks its lane. Others are predicted with
+constant turn rate, and deceleration until they stand.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.reference_stack.arrays import Booleans, Floats
+from simbev_ros.reference_stack.arrays import Floats
+from simbev_ros.reference_stack.driving.others import Occupied, Others
+from simbev_ros.reference_stack.driving.passing import Passing
 from simbev_ros.reference_stack.driving.route_line import RouteLine
 
 _SPEEDING_UP_MPS2, _BRAKING_MPS2, _MAX_BRAKING_MPS2 = 1.5, 2.0, 7.5
@@ -23,42 +24,6 @@ _SEEN_M, _HORIZON_S, _STEP_S = 80.0, 4.0, 0.5
 _BEFORE_S, _AFTER_S = 1.2, 0.8  # time that stays between the vehicle and what crosses its path
 _MARGIN_M, _STOP_M = 0.35, 1.0  # beside others, and before lines and crossing paths
 _PLANNED_S = 3.0
-
-
-@dataclass(frozen=True, eq=False)
-class Others:
-    """N other road users and obstacles, map frame.
-
-    Attributes:
-        position_m: (N, 2) centers.
-        yaw_rad: (N,) headings.
-        velocity_mps: (N, 2) velocities.
-        turn_radps: (N,) yaw rates.
-        braking_mps2: (N,) decelerations, 0 or more.
-        size_m: (N, 2) lengths and widths.
-    """
-
-    position_m: Floats
-    yaw_rad: Floats
-    velocity_mps: Floats
-    turn_radps: Floats
-    braking_mps2: Floats
-    size_m: Floats
-
-    def chosen(self, rows: Booleans) -> "Others":
-        """Some of them."""
-        return Others(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
-    def predicted(self, time_s: Floats) -> tuple[Floats, Floats]:
-        """(N, T, 2) centers and (N, T) headings at (T,) times from now."""
-        speed_mps = np.linalg.norm(self.velocity_mps, axis=1)[:, None]
-        stop_s = speed_mps / np.maximum(self.braking_mps2[:, None], 1e-6)
-        moved_s = np.minimum(time_s, stop_s)
-        way_m = speed_mps * moved_s - self.braking_mps2[:, None] * moved_s**2 / 2.0
-        turned_rad = self.turn_radps[:, None] * moved_s
-        course_rad = np.arctan2(self.velocity_mps[:, 1], self.velocity_mps[:, 0])[:, None] + turned_rad / 2.0
-        step_m = np.stack([way_m * np.cos(course_rad), way_m * np.sin(course_rad)], axis=2)
-        return self.position_m[:, None] + step_m, self.yaw_rad[:, None] + turned_rad
 
 
 class Lead(NamedTuple):
@@ -89,15 +54,23 @@ class Planner:
         length_m: Length of the vehicle.
         width_m: Its width.
         tick_s: Time between planned positions, and between two calls.
+        beside_m: (N, K) distances to the left of the route's points of lanes in which to pass what blocks its lane, in
+            order of preference; NaN: there is none.
+
+    Attributes:
+        line: The line that the vehicle follows: the route, but for what it passes.
     """
 
-    def __init__(self, line: RouteLine, length_m: float, width_m: float, tick_s: float) -> None:
-        self._line, self._length_m, self._width_m, self._tick_s = line, length_m, width_m, tick_s
+    def __init__(
+        self, line: RouteLine, length_m: float, width_m: float, tick_s: float, beside_m: Floats | None = None
+    ) -> None:
+        self.line, self._length_m, self._width_m, self._tick_s = line, length_m, width_m, tick_s
+        self._passing = Passing(line, length_m, width_m, tick_s, np.empty((0, 0)) if beside_m is None else beside_m)
         self._distance_m = self._acceleration_mps2 = 0.0
 
     def advance_to(self, position_m: Floats) -> float:
         """Distance along the route of the vehicle's center, (2,), of which the last one was near."""
-        found_m, _ = self._line.project(position_m[None], self._distance_m - 10.0, self._distance_m + 30.0)
+        found_m, _ = self.line.project(position_m[None], self._distance_m - 10.0, self._distance_m + 30.0)
         self._distance_m = float(found_m[0])
         return self._distance_m
 
@@ -109,40 +82,29 @@ class Planner:
             others: All others, without the vehicle.
             stops_m: Distances along the route of lines before which to stop.
         """
+        self.line, wait_m = self._passing.line_at(self._distance_m, speed_mps, others)
         free = self._rollout(speed_mps, [], np.inf)
         front_m = self._distance_m + self._length_m / 2.0
         stops = [stop_m for stop_m in stops_m if stop_m - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2) - 0.5]
-        leads = []
-        for constraint in self._constraints(others, free, speed_mps):
-            if isinstance(constraint, Lead):
-                leads.append(constraint)
-            else:
-                stops.append(constraint)
-        motion = self._rollout(speed_mps, leads, min(stops, default=np.inf) - _STOP_M)
+        found = list(self._constraints(others, free, speed_mps))
+        stops += [each for each in found if not isinstance(each, Lead)]
+        leads = [each for each in found if isinstance(each, Lead)]
+        motion = self._rollout(speed_mps, leads, min([wait_m, *(stop_m - _STOP_M for stop_m in stops)]))
         self._acceleration_mps2 = float(motion.acceleration_mps2[0])
         return motion
 
     def _constraints(self, others: Others, free: Motion, speed_mps: float) -> Iterator[Lead | float]:
         """Yield what is ahead, and the distances along the route where the paths of others begin to cross."""
-        near_m = self._line.points_at(np.array([self._distance_m]))[0]
+        near_m = self.line.points_at(np.array([self._distance_m]))[0]
         others = others.chosen(np.linalg.norm(others.position_m - near_m, axis=1) < _SEEN_M)
         time_s = np.arange(0.0, _HORIZON_S + 1e-9, _STEP_S)
-        position_m, yaw_rad = others.predicted(time_s)
-        shape = yaw_rad.shape
-        window_m = self._distance_m - 25.0, self._distance_m + _SEEN_M
-        along_m, left_m = (each.reshape(shape) for each in self._line.project(position_m.reshape(-1, 2), *window_m))
-        heading = self._line.headings_at(along_m.ravel()).reshape(*shape, 2)
-        cosine = np.abs(np.cos(yaw_rad) * heading[..., 0] + np.sin(yaw_rad) * heading[..., 1])
-        sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-        length_m, width_m = (others.size_m[:, axis, None] / 2.0 for axis in (0, 1))
-        half_along_m, half_across_m = cosine * length_m + sine * width_m, sine * length_m + cosine * width_m
-        on_path = np.abs(left_m) < half_across_m + self._width_m / 2.0 + _MARGIN_M
-        speed_along_mps = np.einsum("ni,ni->n", others.velocity_mps, heading[:, 0])
+        window_m, path_m = (self._distance_m - 25.0, self._distance_m + _SEEN_M), self._width_m + 2.0 * _MARGIN_M
+        begins_m, ends_m, on_path, speed_along_mps = Occupied.by(others, self.line, window_m, time_s, path_m)
         front_m = self._distance_m + self._length_m / 2.0
         for row in np.flatnonzero(on_path.any(axis=1)).tolist():
-            begin_m, end_m = along_m[row] - half_along_m[row], along_m[row] + half_along_m[row]
+            begin_m, end_m = begins_m[row], ends_m[row]
             now_m, along_mps = float(begin_m[0]) - front_m, float(speed_along_mps[row])
-            is_ahead = along_m[row, 0] > self._distance_m and now_m > -0.5 * self._length_m
+            is_ahead = begin_m[0] + end_m[0] > 2.0 * self._distance_m and now_m > -0.5 * self._length_m
             follows = along_mps > max(1.0, 0.8 * float(np.linalg.norm(others.velocity_mps[row])))
             if on_path[row, 0] or (follows and is_ahead):
                 if is_ahead:
@@ -176,7 +138,7 @@ class Planner:
         tick_s, distance_m, acceleration = self._tick_s, self._distance_m, self._acceleration_mps2
         rows = [(distance_m, speed_mps, acceleration)]
         for tick in range(round(_PLANNED_S / tick_s)):
-            limit_mps = float(np.interp(distance_m + 0.3 * speed_mps, self._line.distance_m, self._line.speed_mps))
+            limit_mps = float(np.interp(distance_m + 0.3 * speed_mps, self.line.distance_m, self.line.speed_mps))
             wanted = min(max((limit_mps - speed_mps) / 0.8, -_MAX_BRAKING_MPS2), _SPEEDING_UP_MPS2)
             for gap_m, other_mps in leads:
                 left_m = gap_m + other_mps * tick * tick_s - (distance_m - self._distance_m)

@@ -1,6 +1,7 @@
 """The line of a route: positions along it, distances beside it, and the speeds at which it can be driven."""
 
 from collections.abc import Mapping
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -22,16 +23,28 @@ class RouteLine:
 
     def __init__(self, route: Mapping[str, Any]) -> None:
         """Take the object ``drive.route`` of /world/scene."""
-        self._points_m: Floats = np.array([route["x_m"], route["y_m"]], np.float64).T
         self.distance_m: Floats = np.array(route["distance_m"], np.float64)
         self.lanes: list[str] = list(route["lane"])
-        step_m = np.diff(self._points_m, axis=0)
+        self._limit_mps: Floats = np.array(route["limit_mps"], np.float64)
+        self._lay(np.array([route["x_m"], route["y_m"]], np.float64).T)
+
+    def shifted(self, left_m: Floats) -> "RouteLine":
+        """The line whose N points are (N,) distances to the left; distances along it are still those of the route."""
+        line = copy(self)
+        heading = self.headings_at(self.distance_m)
+        line._lay(self._points_m + left_m[:, None] * np.stack([-heading[:, 1], heading[:, 0]], axis=1))
+        return line
+
+    def _lay(self, points_m: Floats) -> None:
+        """Lead through (N, 2) points."""
+        self._points_m = points_m
+        step_m = np.diff(points_m, axis=0)
         self._heading = step_m / np.linalg.norm(step_m, axis=1)[:, None]
         self._yaw_rad = yaw_rad = np.unwrap(np.arctan2(self._heading[:, 1], self._heading[:, 0]))
         self._middle_m = (self.distance_m[1:] + self.distance_m[:-1]) / 2.0
         ahead, behind = (np.interp(self.distance_m + d, self._middle_m, yaw_rad) for d in (_BEND_M, -_BEND_M))
         bend_pm = np.abs(ahead - behind) / (2.0 * _BEND_M)
-        self.speed_mps: Floats = np.minimum(route["limit_mps"], np.sqrt(_LATERAL_MPS2 / np.maximum(bend_pm, 1e-6)))
+        self.speed_mps: Floats = np.minimum(self._limit_mps, np.sqrt(_LATERAL_MPS2 / np.maximum(bend_pm, 1e-6)))
         for row in range(len(self.distance_m) - 2, -1, -1):
             gain = 2.0 * _SLOWING_MPS2 * (self.distance_m[row + 1] - self.distance_m[row])
             self.speed_mps[row] = min(self.speed_mps[row], (self.speed_mps[row + 1] ** 2 + gain) ** 0.5)
@@ -39,7 +52,8 @@ class RouteLine:
     def points_at(self, distance_m: Floats) -> Floats:
         """(M, 2) points at (M,) distances along the route."""
         row = np.clip(np.searchsorted(self.distance_m, distance_m) - 1, 0, len(self._heading) - 1)
-        points_m: Floats = self._points_m[row] + self._heading[row] * (distance_m - self.distance_m[row])[:, None]
+        share = (distance_m - self.distance_m[row]) / (self.distance_m[row + 1] - self.distance_m[row])
+        points_m: Floats = self._points_m[row] + share[:, None] * (self._points_m[row + 1] - self._points_m[row])
         return points_m
 
     def axles_at(self, distance_m: Floats, behind_m: float) -> Floats:
@@ -67,16 +81,12 @@ class RouteLine:
         heading = self._heading[first:last]
         length_m = np.diff(self.distance_m[first : last + 1])
         along_m = np.einsum("mni,ni->mn", offset_m, heading)
-        low_m, high_m = np.zeros(len(length_m)), length_m.copy()
-        low_m[0], high_m[-1] = (
-            (-np.inf if first == 0 else 0.0),
-            (np.inf if last == len(self._heading) else length_m[-1]),
-        )
+        low_m = np.where(np.arange(first, last) > 0, 0.0, -np.inf)
+        high_m = np.where(np.arange(first, last) < len(self._heading) - 1, length_m, np.inf)
         inside_m = np.clip(along_m, low_m, high_m)
         gap_m = np.linalg.norm(offset_m - inside_m[..., None] * heading, axis=2)
         row, every = np.argmin(gap_m, axis=1), np.arange(len(points_m))
         left_m = heading[row, 0] * offset_m[every, row, 1] - heading[row, 1] * offset_m[every, row, 0]
-        outside = ((row == 0) & (along_m[every, row] < low_m[0])) | (
-            (row == len(length_m) - 1) & (along_m[every, row] > high_m[-1])
-        )
+        at_m = along_m[every, row]
+        outside = ((row == 0) & (at_m < low_m[0])) | ((row == len(length_m) - 1) & (at_m > high_m[-1]))
         return self.distance_m[first + row] + inside_m[every, row], np.where(outside, np.inf, left_m)

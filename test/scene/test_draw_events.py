@@ -16,6 +16,7 @@ from simbev_ros.scene.events.kinds import event_classes
 from simbev_ros.schema.scene.drive_spec import EventKind
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.events.route_events import MOTIONS
+from simbev_ros.simulation.world.simulation import Simulation
 
 BLOCKS = map_spec("Blocks")
 
@@ -93,3 +94,18 @@ def test_only_kinds_with_weight_are_drawn() -> None:
     spec = drawn(count=3, kinds={"fog_bank": 1.0, "hard_brake": 0.0})
     assert spec.drive is not None
     assert {event.kind for event in spec.drive.events} == {EventKind.FOG_BANK}
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_sumo_has_room_for_the_vehicles_of_events_in_dense_traffic(number: int) -> None:
+    scenario = {
+        "scenes": [{"map": "Blocks", "train": 6}],
+        "rig": Rig(sensors=()),
+        "traffic": {"vehicles": 120, "pedestrians": 0, "spawn_radius_m": 150, "min_gap_m": 4.0},
+        "drive": {"goal_m": 400, "events": {"count": 4, "kinds": ["blocked_lane", "cut_in", "hard_brake", "merge"]}},
+    }
+    spec = draw_scene(Scenario.model_validate(scenario), PlannedScene(number, BLOCKS, "train"), load_network(BLOCKS))
+    assert spec.drive is not None and spec.drive.events
+    with Simulation(spec, load_network(BLOCKS)) as simulation:
+        placed = {*simulation._population.vehicles}
+    assert {index for event in spec.drive.events for index in event.vehicles} <= placed

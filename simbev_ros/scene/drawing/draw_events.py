@@ -89,11 +89,12 @@ def draw_events(
     if missing and "kinds" in wanted.model_fields_set and not wanted.required:
         _LOGGER.warning("%s: the route has no place for the events %s", network.name, ", ".join(missing))
     drawn: list[_Drawn] = []
+    gap_m = max(_MIN_GAP_M, *(vehicle.min_gap_m for vehicle in vehicles))
     for number in range(count):
         rng = stream(seed, f"drive_events.{number}")
         free = {kind: _free(found, drawn, wanted.spacing_m) for kind, found in places.items()}
         weights = {kind: wanted.kinds[kind.value] for kind, found in free.items() if found}
-        event = _draw_event(free, weights, drawn, clearance, rng)
+        event = _draw_event(free, weights, drawn, clearance, gap_m, rng)
         if event is None and wanted.required:
             break
         if event is None:
@@ -128,9 +129,13 @@ def _draw_event(
     weights: Mapping[EventKind, float],
     drawn: list[_Drawn],
     clearance: StartClearance,
+    gap_m: float,
     rng: np.random.Generator,
 ) -> _Drawn | None:
-    """Draw a kind by its weight, then one of its places with room for its vehicle; None: there is none."""
+    """Draw a kind by its weight, then one of its places with room for its vehicle; None: there is none.
+
+    SUMO leaves a vehicle out where it would be closer to others on its lane than the gap that they want.
+    """
     kinds = list(weights)
     order = np.argsort(rng.exponential(size=len(kinds)) / np.array([weights[kind] for kind in kinds]))
     for kind in (kinds[index] for index in order.tolist()):
@@ -140,7 +145,7 @@ def _draw_event(
             leader = next((each for each in drawn if event_class.places in _LEADING and _leads(each)), None)
             vehicle = _vehicle(event_class, place, rng) if leader is None else leader.vehicle
             if vehicle is not None and vehicle.stands_at is None and leader is None:
-                if not clearance.is_free(blueprint_named(vehicle.blueprint), vehicle.start):
+                if not clearance.is_free(blueprint_named(vehicle.blueprint), vehicle.start, gap_m):
                     continue
                 clearance.occupy(vehicle)
             parameters = {name: float(rng.uniform(*bounds)) for name, bounds in event_class.drawn.items()}

@@ -39,6 +39,7 @@ from simbev_ros.simulation.world.events.route_events import EventRecord, RouteEv
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
+from simbev_ros.simulation.world.sumo.impatience import Impatience
 from simbev_ros.simulation.world.sumo.net_crop import crop_net
 from simbev_ros.simulation.world.sumo.routes import Routes
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
@@ -111,6 +112,7 @@ class Simulation:
             self._turning_room = self._turning_room_on(network)
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
+            self._impatience = None if spec.drive is None else Impatience(self._sumo.vehicles)
             self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
             delay_ticks, heights_m = self._actors.commanded_delay_ticks, self._actors.ground.heights_m
             self._outside_drivers = OutsideDrivers(spec, network, self._sumo, heights_m, delay_ticks)
@@ -191,6 +193,8 @@ class Simulation:
             if self._spec.map.path:
                 self._reroute()
             self._sumo.shorten_closures()
+            if self._impatience is not None:
+                self._impatience.update(self._ticks_per_second * self._spec.tick_ns / NS_PER_S)
             if not self.weather.is_constant:
                 self._adapt_to_rain(tick)
         sample = self._population.sample()

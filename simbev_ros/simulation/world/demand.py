@@ -28,6 +28,7 @@ _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
 _ABREAST_M = 0.7  # distance between the members of a group, who walk side by side
 _TURNS = ("-0.1", "0.1")  # where pedestrians turn back at an edge's end, of which SUMO counts back, and its start
+_JUDGED_MPS2 = 2.4  # acceleration up to which nuPlan's score finds a drive comfortable
 _MIN_WIDTH_M = 1.2  # minimum width in SUMO: bicycles keep off curbs, and cars keep off bicycles
 _TYPE = {"speedDev": "0"}
 _DRIVER = {
@@ -88,6 +89,8 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         element = _add_vehicle(root, vehicle_name(index), vehicle, ignores, rain, route.edges, start_m)
         if not vehicle.reckless and (ignored := _ignored_types(spec, ignores)):
             ElementTree.SubElement(element, "param", {"key": "junctionModel.ignoreTypes", "value": " ".join(ignored)})
+        if spec.drive is not None and index == 0:
+            root[-2].set("accel", f"{min(blueprint_named(vehicle.blueprint).accel, _JUDGED_MPS2):g}")
         if _has_way(spec, vehicle):  # the others change lanes
             root[-2].attrib |= {"lcSpeedGain": "0", "lcKeepRight": "0", "lcCooperative": "0"}
         if route.ends:

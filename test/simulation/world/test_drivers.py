@@ -5,6 +5,7 @@ from functools import cache
 import libsumo
 import numpy as np
 import pytest
+from event_scenes import event_scene
 from world_scenes import NOON, TICK_S, blocks, of_kind, run, scene
 
 from simbev_ros.config.traffic import Traffic
@@ -161,3 +162,13 @@ def test_drivers_slow_down_when_it_begins_to_rain():
     first, last = np.array(factors[1]), np.array(factors[-1])
     assert first == pytest.approx((spec.vehicles[3].speed_factor, spec.vehicles[3].headway_s), rel=1e-3)
     assert last / first == pytest.approx((0.91, 1 / 0.89), rel=1e-3)
+
+
+def test_traffic_speeds_up_in_a_drive_as_the_score_finds_comfortable():
+    drive = event_scene("fog_bank", ("grid.ns2.0.0", "grid.ns2.0.1"), ticks=200)
+    drive = drive.model_copy(update={"agents": (drive.agents[0].model_copy(update={"driver": "traffic"}),)})
+    fastest_mps2 = []
+    for spec in (drive, drive.model_copy(update={"drive": None})):
+        speed_mps = np.array([np.hypot(state.ego["vx"], state.ego["vy"]) for state in run(spec)])
+        fastest_mps2.append(float(np.diff(speed_mps).max() / TICK_S))
+    assert fastest_mps2[0] <= 2.4 + 1e-3 < 2.5 < fastest_mps2[1]

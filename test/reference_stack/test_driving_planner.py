@@ -174,3 +174,70 @@ def test_what_waits_or_leaves_no_room_is_not_passed(more: Any, last_m: float) ->
 def test_ends_of_lanes_are_where_the_route_leaves_them() -> None:
     lanes = ["a", "a", "b", "c", "c"]
     assert ends_of(lanes, np.arange(5.0), frozenset("ac")) == [("a", 1.0)]
+
+
+PARKED = 90.0, -2.9, 0.0, 0.0, 0.0
+
+
+def drive_beside(
+    rows: Any, room_m: float, seconds: float = 14.0, grip: float = 1.0, speed_mps: float = 8.0, lane: float = np.nan
+) -> np.ndarray:
+    """(K, 3) x, y and speed of a vehicle with some room in its lane, and maybe another lane to its left."""
+    line = RouteLine(route(STRAIGHT), grip)
+    rooms_m, position_m, driven = np.full(201, room_m), np.array([10.0, 0.0]), []
+    planner = Planner(line, LENGTH_M, WIDTH_M, TICK_S, np.full((201, 1), lane), rooms_m, grip)
+    for tick in range(round(seconds / TICK_S)):
+        planner.advance_to(position_m)
+        motion = planner.plan(speed_mps, rows(tick * TICK_S), [])
+        position_m, speed_mps = planner.line.points_at(motion.distance_m[1:2])[0], float(motion.speed_mps[1])
+        driven.append((*position_m, speed_mps))
+    return np.array(driven)
+
+
+def test_a_vehicle_keeps_away_from_what_is_parked_beside_its_lane_as_far_as_the_lane_has_room() -> None:
+    driven = drive_beside(lambda _: others(PARKED), 0.6)
+    assert driven[np.abs(driven[:, 0] - 90.0) < 2.0, 1] == pytest.approx(0.6)
+    assert driven[driven[:, 0] < 50.0, 1] == pytest.approx(0.0)
+    assert driven[-1, 1] == pytest.approx(0.0)
+    assert np.abs(np.diff(driven[:, 1])).max() < 0.03
+    assert driven[:, 1].max() <= 0.6 + 1e-9
+
+
+def test_what_is_parked_far_enough_away_or_on_both_sides_moves_nobody() -> None:
+    for rows in (((90.0, -3.7, 0.0, 0.0, 0.0),), (PARKED, (90.0, 2.9, 0.0, 0.0, 0.0))):
+        assert np.all(drive_beside(lambda _, rows=rows: others(*rows), 0.6)[:, 1] == 0.0)
+
+
+def test_without_room_a_slippery_road_is_driven_slowly_beside_what_is_parked() -> None:
+    beside = [
+        driven[np.abs(driven[:, 0] - 90.0) < 3.0, 2].max()
+        for driven in (drive_beside(lambda _: others(PARKED), 0.0, 30.0, grip) for grip in (1.0, 0.25))
+    ]
+    assert beside[0] > 9.0
+    assert beside[1] < 2.0 * 7.8 * 0.25 * 0.8 + 0.3
+
+
+def test_an_open_door_is_passed_partly_in_the_lane_beside() -> None:
+    """The door opens when the vehicle is near, and reaches to within 0.9 m of the middle of the lane."""
+    opened = others((PARKED[0], -2.4, *PARKED[2:]))
+    opened.size_m[0, 1] = 3.0
+    driven = drive_beside(lambda time_s: opened if time_s > 6.0 else others(PARKED), 0.2, 20.0, lane=LANE_M)
+    beside = np.abs(driven[:, 0] - 90.0) < (LENGTH_M + 4.5) / 2.0
+    assert driven[-1, 0] > 140.0
+    assert (driven[beside, 1] - WIDTH_M / 2.0).min() > -0.9 + 0.25
+    assert driven[:, 1].max() < 1.0
+
+
+def test_on_ice_braking_begins_earlier_and_never_asks_for_more_than_the_road_gives() -> None:
+    """A car stands on the lane from 60 m on."""
+    for grip, most_mps2 in ((1.0, 7.5), (0.25, 7.8 * 0.25)):
+        driven = drive_beside(lambda _: others((110.0, 0.0, 0.0, 0.0, 0.0)), 0.0, 40.0, grip)
+        assert -np.diff(driven[:, 2]).min() / TICK_S <= most_mps2 + 1e-6
+        assert driven[-1, 0] + LENGTH_M / 2.0 < 110.0 - 4.5 / 2.0
+    first_m = [
+        driven[np.argmax(np.diff(driven[:, 2]) < -1e-3), 0]
+        for driven in (
+            drive_beside(lambda _: others((110.0, 0.0, 0.0, 0.0, 0.0)), 0.0, 40.0, grip, 9.9) for grip in (1.0, 0.25)
+        )
+    ]
+    assert first_m[1] < first_m[0] - 5.0

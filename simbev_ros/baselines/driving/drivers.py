@@ -6,6 +6,7 @@ happens.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any
 
@@ -19,14 +20,19 @@ from simbev_ros.reference_stack.driving.others import Others
 from simbev_ros.reference_stack.driving.planner import Planner, ends_of
 from simbev_ros.reference_stack.driving.route_line import RouteLine
 from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import EGO_ID, SignalState
+from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 
 _CONSTANT_MPS, _CONSTANT_MPS2 = 8.0, 2.0
 _MIN_SCORE = 0.3
 _LANE_M = 3.4  # from lane to lane, up to 1 m more or less
 _STOP_ZONE_M, _STANDING_MPS = 3.5, 0.08  # a stop sign is served by standing so near to its line
-_YELLOW_MPS2 = 2.5  # braking that a yellow light is worth
+_YELLOW_MPS2 = 2.5  # braking that a yellow light is worth on a dry road
+_LINE_M, _DOOR_M = 0.1, 0.95  # from the edges of the lane, and length of an open door
+_LEFT_DOORS, _RIGHT_DOORS = 0b0101, 0b1010
 _RED = (SignalState.RED, SignalState.RED_YELLOW)
 
 
@@ -51,9 +57,13 @@ class RouteDriver:
         agent = scene["agents"][0]
         blueprint = blueprint_named(scene["vehicles"][agent["vehicle"]]["blueprint"])
         self._center_m, self._axle_m = -agent["base_link_x_m"], blueprint.wheelbase_m / 2.0
-        self._length_m, self._line = blueprint.size_m[0], RouteLine(scene["drive"]["route"])
+        is_truth, (self._length_m, width_m, _) = kind is DriverKind.TRUTH, blueprint.size_m
+        self._grip = _grip(scene) if is_truth else 1.0
+        self._line = RouteLine(scene["drive"]["route"], self._grip)
         network = load_network(MapSpec.model_validate(scene["map"]))
-        self._planner = Planner(self._line, *blueprint.size_m[:2], self._tick_s, _lanes_beside(self._line, network))
+        room_m = _room_m(scene["drive"]["route"], network, width_m) if is_truth else None
+        beside_m = _lanes_beside(self._line, network)
+        self._planner = Planner(self._line, self._length_m, width_m, self._tick_s, beside_m, room_m, self._grip)
         heads: dict[str, list[int]] = {}
         for row, signal in enumerate(network.signals):
             heads.setdefault(signal.lane, []).append(row)
@@ -97,7 +107,7 @@ class RouteDriver:
         found = []
         for line_m, rows in self._lights if signals is not None and len(signals) else ():
             states, left_m = signals["state"][rows], line_m - front_m  # type: ignore[index]
-            yellow = (states == SignalState.YELLOW).all() and left_m > speed_mps**2 / (2.0 * _YELLOW_MPS2)
+            yellow = (states == SignalState.YELLOW).all() and left_m > speed_mps**2 / (2.0 * _YELLOW_MPS2 * self._grip)
             if left_m > 0.0 and (yellow or np.isin(states, _RED).all()):
                 found.append(line_m)
         return found
@@ -125,13 +135,32 @@ def _lanes_beside(line: RouteLine, network: RoadNetwork) -> Float64Array:
     return np.stack([columns[each] for each in (0, 2, 1, 3)], axis=1)
 
 
+def _grip(scene: Mapping[str, Any]) -> float:
+    """Least friction of the road during a scene, by that of a dry one."""
+    weathers = (Weather.model_validate(each) for each in (scene["weather"], scene.get("final_weather")) if each)
+    return min(road_friction(each, with_snow=True) for each in weathers)
+
+
+def _room_m(route: Mapping[str, Any], network: RoadNetwork, width_m: float) -> Float64Array:
+    """(N,) how far a vehicle may be off the points of a route within its lanes; 0 in junctions and lane changes."""
+    lanes = [network.lanes[each] for each in route["lane"]]
+    follows = np.array([each == Command.FOLLOW for each in route["command"]])
+    room_m = np.array([0.0 if each.junction else (each.width_m - width_m) / 2.0 - _LINE_M for each in lanes])
+    return np.where(follows, np.maximum(room_m, 0.0), 0.0)
+
+
 def _actors(actors: Table) -> Others:
-    """All actors but the ego and those that ride in or on others."""
+    """All actors, with their open doors, but the ego and those that ride in or on others."""
     rows = actors[(actors["id"] != EGO_ID) & (actors["parent"] == 0)]
     velocity, acceleration = _pair(rows, "vx", "vy"), _pair(rows, "ax", "ay")
     speed = np.linalg.norm(velocity, axis=1)
     along = np.einsum("ni,ni->n", velocity, acceleration) / np.maximum(speed, 0.1)
-    return _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))
+    others = _others(rows, np.maximum(-along, 0.0), rows["wz"].astype(np.float64))
+    left_m, right_m = (_DOOR_M * (rows["doors"] & doors > 0) for doors in (_LEFT_DOORS, _RIGHT_DOORS))
+    left = np.stack([-np.sin(others.yaw_rad), np.cos(others.yaw_rad)], axis=1)
+    position_m = others.position_m + ((left_m - right_m) / 2.0)[:, None] * left
+    size_m = others.size_m + np.stack([np.zeros_like(left_m), left_m + right_m], axis=1)
+    return replace(others, position_m=position_m, size_m=size_m)
 
 
 def _boxes(boxes: Table | None, center_m: Float64Array, yaw_rad: float, length_m: float) -> Others:

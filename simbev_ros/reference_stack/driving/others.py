@@ -53,12 +53,14 @@ class Occupied(NamedTuple):
         end_m: (N, T) distances of their front ends.
         on_path: (N, T) whether they are in the path of a vehicle on the line.
         along_mps: (N,) their present speeds along the line.
+        left_m: (N, T) distances to the left of the line of their near sides; 0: they are on it.
     """
 
     begin_m: Floats
     end_m: Floats
     on_path: Booleans
     along_mps: Floats
+    left_m: Floats
 
     @classmethod
     def by(
@@ -75,4 +77,5 @@ class Occupied(NamedTuple):
         half_along_m, half_across_m = cosine * length_m + sine * width_m, sine * length_m + cosine * width_m
         on_path = np.abs(left_m) < half_across_m + path_m / 2.0
         along_mps = np.einsum("ni,ni->n", others.velocity_mps, heading[:, 0])
-        return cls(along_m - half_along_m, along_m + half_along_m, on_path, along_mps)
+        near_m = np.sign(left_m) * np.maximum(np.abs(left_m) - half_across_m, 0.0)
+        return cls(along_m - half_along_m, along_m + half_along_m, on_path, along_mps, near_m)

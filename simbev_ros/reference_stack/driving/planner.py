@@ -13,11 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.reference_stack.arrays import Floats
+from simbev_ros.reference_stack.driving.keeping_clear import KeepingClear
 from simbev_ros.reference_stack.driving.others import Occupied, Others
 from simbev_ros.reference_stack.driving.passing import Passing
 from simbev_ros.reference_stack.driving.route_line import RouteLine
 
 _SPEEDING_UP_MPS2, _BRAKING_MPS2, _MAX_BRAKING_MPS2 = 1.5, 2.0, 7.5
+_GRIP_MPS2, _COMFORT_GRIP_MPS2 = 7.8, 5.0  # maximum by grip of emergency braking, and of all that is comfortable
 _JERK_MPS3, _EMERGENCY_JERK_MPS3, _EMERGENCY_MPS2 = 3.0, 40.0, -3.5
 _HEADWAY_S, _GAP_M = 1.3, 2.5
 _SEEN_M, _HORIZON_S, _STEP_S = 80.0, 4.0, 0.5
@@ -56,16 +58,30 @@ class Planner:
         tick_s: Time between planned positions, and between two calls.
         beside_m: (N, K) distances to the left of the route's points of lanes in which to pass what blocks its lane, in
             order of preference; NaN: there is none.
+        room_m: (N,) how far the vehicle may be off the route's points to either side; None: it stays on them.
+        grip: Friction of the road by that of a dry one.
 
     Attributes:
         line: The line that the vehicle follows: the route, but for what it passes.
     """
 
     def __init__(
-        self, line: RouteLine, length_m: float, width_m: float, tick_s: float, beside_m: Floats | None = None
+        self,
+        line: RouteLine,
+        length_m: float,
+        width_m: float,
+        tick_s: float,
+        beside_m: Floats | None = None,
+        room_m: Floats | None = None,
+        grip: float = 1.0,
     ) -> None:
         self.line, self._length_m, self._width_m, self._tick_s = line, length_m, width_m, tick_s
-        self._passing = Passing(line, length_m, width_m, tick_s, np.empty((0, 0)) if beside_m is None else beside_m)
+        self._max_braking_mps2 = min(_MAX_BRAKING_MPS2, _GRIP_MPS2 * grip)
+        self._braking_mps2 = min(_BRAKING_MPS2, _COMFORT_GRIP_MPS2 * grip)
+        self._speeding_up_mps2 = min(_SPEEDING_UP_MPS2, _COMFORT_GRIP_MPS2 * grip)
+        beside_m = np.empty((0, 0)) if beside_m is None else beside_m
+        keeping_clear = KeepingClear(line, width_m, room_m, self._max_braking_mps2)
+        self._passing = Passing(keeping_clear, line, length_m, width_m, tick_s, beside_m)
         self._distance_m = self._acceleration_mps2 = 0.0
 
     def advance_to(self, position_m: Floats) -> float:
@@ -85,7 +101,7 @@ class Planner:
         self.line, wait_m = self._passing.line_at(self._distance_m, speed_mps, others)
         free = self._rollout(speed_mps, [], np.inf)
         front_m = self._distance_m + self._length_m / 2.0
-        stops = [stop_m for stop_m in stops_m if stop_m - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2) - 0.5]
+        stops = [stop_m for stop_m in stops_m if stop_m - front_m > speed_mps**2 / (2.0 * self._max_braking_mps2) - 0.5]
         found = list(self._constraints(others, free, speed_mps))
         stops += [each for each in found if not isinstance(each, Lead)]
         leads = [each for each in found if isinstance(each, Lead)]
@@ -99,7 +115,7 @@ class Planner:
         others = others.chosen(np.linalg.norm(others.position_m - near_m, axis=1) < _SEEN_M)
         time_s = np.arange(0.0, _HORIZON_S + 1e-9, _STEP_S)
         window_m, path_m = (self._distance_m - 25.0, self._distance_m + _SEEN_M), self._width_m + 2.0 * _MARGIN_M
-        begins_m, ends_m, on_path, speed_along_mps = Occupied.by(others, self.line, window_m, time_s, path_m)
+        begins_m, ends_m, on_path, speed_along_mps, _ = Occupied.by(others, self.line, window_m, time_s, path_m)
         front_m = self._distance_m + self._length_m / 2.0
         for row in np.flatnonzero(on_path.any(axis=1)).tolist():
             begin_m, end_m = begins_m[row], ends_m[row]
@@ -111,7 +127,7 @@ class Planner:
                     yield Lead(now_m, max(along_mps, 0.0))
                 continue
             conflict = self._conflict(free, begin_m[on_path[row]], end_m[on_path[row]], time_s[on_path[row]])
-            if conflict is not None and conflict - front_m > speed_mps**2 / (2.0 * _MAX_BRAKING_MPS2):
+            if conflict is not None and conflict - front_m > speed_mps**2 / (2.0 * self._max_braking_mps2):
                 yield conflict
 
     def _conflict(self, free: Motion, begin_m: Floats, end_m: Floats, time_s: Floats) -> float | None:
@@ -139,11 +155,11 @@ class Planner:
         rows = [(distance_m, speed_mps, acceleration)]
         for tick in range(round(_PLANNED_S / tick_s)):
             limit_mps = float(np.interp(distance_m + 0.3 * speed_mps, self.line.distance_m, self.line.speed_mps))
-            wanted = min(max((limit_mps - speed_mps) / 0.8, -_MAX_BRAKING_MPS2), _SPEEDING_UP_MPS2)
+            wanted = min(max((limit_mps - speed_mps) / 0.8, -self._max_braking_mps2), self._speeding_up_mps2)
             for gap_m, other_mps in leads:
                 left_m = gap_m + other_mps * tick * tick_s - (distance_m - self._distance_m)
-                wanted = min(wanted, _following_mps2(speed_mps, other_mps, left_m))
-            wanted = min(wanted, _stopping_mps2(speed_mps, stop_m - distance_m - self._length_m / 2.0))
+                wanted = min(wanted, self._following_mps2(speed_mps, other_mps, left_m))
+            wanted = min(wanted, self._stopping_mps2(speed_mps, stop_m - distance_m - self._length_m / 2.0))
             jerk = _EMERGENCY_JERK_MPS3 if wanted < _EMERGENCY_MPS2 else _JERK_MPS3
             acceleration = max(min(wanted, acceleration + jerk * tick_s), acceleration - jerk * tick_s)
             acceleration = max(acceleration, -speed_mps / tick_s)
@@ -153,21 +169,20 @@ class Planner:
         found = np.array(rows)
         return Motion(found[:, 0], found[:, 1], found[1:, 2])
 
+    def _following_mps2(self, speed_mps: float, other_mps: float, gap_m: float) -> float:
+        """Acceleration behind something, without the term of the free road; what is faster opens its gap by itself."""
+        gap_m += max(other_mps - speed_mps, 0.0)
+        comfort_mps2 = (self._speeding_up_mps2 * self._braking_mps2) ** 0.5
+        approach = speed_mps * (speed_mps - other_mps) / (2.0 * comfort_mps2)
+        wanted_m = _GAP_M + max(speed_mps * _HEADWAY_S + approach, 0.0)
+        return max(self._speeding_up_mps2 * (1.0 - (wanted_m / max(gap_m, 0.1)) ** 2), -self._max_braking_mps2)
 
-def _following_mps2(speed_mps: float, other_mps: float, gap_m: float) -> float:
-    """Acceleration behind something, without the term of the free road; what is faster opens its gap by itself."""
-    gap_m += max(other_mps - speed_mps, 0.0)
-    approach = speed_mps * (speed_mps - other_mps) / (2.0 * (_SPEEDING_UP_MPS2 * _BRAKING_MPS2) ** 0.5)
-    wanted_m = _GAP_M + max(speed_mps * _HEADWAY_S + approach, 0.0)
-    return max(_SPEEDING_UP_MPS2 * (1.0 - (wanted_m / max(gap_m, 0.1)) ** 2), -_MAX_BRAKING_MPS2)
-
-
-def _stopping_mps2(speed_mps: float, left_m: float) -> float:
-    """Acceleration before a line; infinite as long as comfortable braking later is enough."""
-    if left_m < 0.1:
-        return -_BRAKING_MPS2
-    needed = speed_mps**2 / (2.0 * left_m)
-    return -needed if needed > 0.6 * _BRAKING_MPS2 else np.inf
+    def _stopping_mps2(self, speed_mps: float, left_m: float) -> float:
+        """Acceleration before a line; infinite as long as comfortable braking later is enough."""
+        if left_m < 0.1:
+            return -self._braking_mps2
+        needed = speed_mps**2 / (2.0 * left_m)
+        return -needed if needed > 0.6 * self._braking_mps2 else np.inf
 
 
 def ends_of(lanes: Sequence[str], distance_m: Floats, wanted: frozenset[str]) -> list[tuple[str, float]]:

@@ -9,28 +9,41 @@ import numpy as np
 from simbev_ros.reference_stack.arrays import Floats
 
 _LATERAL_MPS2, _SLOWING_MPS2 = 2.0, 1.3  # comfortable in bends, and before slower parts
+_LATERAL_GRIP_MPS2, _SLOWING_GRIP_MPS2 = 4.0, 3.0  # both are at most this by grip
 _BEND_M = 3.0  # curvature is that of an arc from so far behind to so far ahead
 
 
 class RouteLine:
     """A route as polyline, which goes on straight before its first and after its last point.
 
+    Args:
+        route: The object ``drive.route`` of /world/scene.
+        grip: Friction of the road by that of a dry one.
+
     Attributes:
         lanes: Id of the lane at each of the N points.
         distance_m: (N,) distances along the route.
         speed_mps: (N,) speeds by limits and bends, low enough before slower parts.
+        left_m: (N,) distances to the left of the route.
     """
 
-    def __init__(self, route: Mapping[str, Any]) -> None:
-        """Take the object ``drive.route`` of /world/scene."""
+    def __init__(self, route: Mapping[str, Any], grip: float = 1.0) -> None:
+        self._lateral_mps2 = min(_LATERAL_MPS2, _LATERAL_GRIP_MPS2 * grip)
+        self._slowing_mps2 = min(_SLOWING_MPS2, _SLOWING_GRIP_MPS2 * grip)
         self.distance_m: Floats = np.array(route["distance_m"], np.float64)
         self.lanes: list[str] = list(route["lane"])
         self._limit_mps: Floats = np.array(route["limit_mps"], np.float64)
+        self.left_m: Floats = np.zeros_like(self.distance_m)
         self._lay(np.array([route["x_m"], route["y_m"]], np.float64).T)
 
-    def shifted(self, left_m: Floats) -> "RouteLine":
-        """The line whose N points are (N,) distances to the left; distances along it are still those of the route."""
+    def shifted(self, left_m: Floats, limit_mps: Floats | float = np.inf) -> "RouteLine":
+        """The line whose N points are (N,) distances to the left; distances along it are still those of the route.
+
+        Its speeds are at most (N,) ``limit_mps``.
+        """
         line = copy(self)
+        line.left_m = self.left_m + left_m
+        line._limit_mps = np.minimum(self._limit_mps, limit_mps)
         heading = self.headings_at(self.distance_m)
         line._lay(self._points_m + left_m[:, None] * np.stack([-heading[:, 1], heading[:, 0]], axis=1))
         return line
@@ -44,9 +57,9 @@ class RouteLine:
         self._middle_m = (self.distance_m[1:] + self.distance_m[:-1]) / 2.0
         ahead, behind = (np.interp(self.distance_m + d, self._middle_m, yaw_rad) for d in (_BEND_M, -_BEND_M))
         bend_pm = np.abs(ahead - behind) / (2.0 * _BEND_M)
-        self.speed_mps: Floats = np.minimum(self._limit_mps, np.sqrt(_LATERAL_MPS2 / np.maximum(bend_pm, 1e-6)))
+        self.speed_mps: Floats = np.minimum(self._limit_mps, np.sqrt(self._lateral_mps2 / np.maximum(bend_pm, 1e-6)))
         for row in range(len(self.distance_m) - 2, -1, -1):
-            gain = 2.0 * _SLOWING_MPS2 * (self.distance_m[row + 1] - self.distance_m[row])
+            gain = 2.0 * self._slowing_mps2 * (self.distance_m[row + 1] - self.distance_m[row])
             self.speed_mps[row] = min(self.speed_mps[row], (self.speed_mps[row + 1] ** 2 + gain) ** 0.5)
 
     def points_at(self, distance_m: Floats) -> Floats:

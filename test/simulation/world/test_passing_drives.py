@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 from event_scenes import event_scene
-from world_scenes import blocks
+from world_scenes import NOON, blocks
 
 from simbev_ros.baselines.driving import drivers
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
 from simbev_ros.evaluation.driving.referee import Referee
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.simulation.world.driving.commands import TrajectoryCommand
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -54,3 +55,19 @@ def test_without_a_lane_beside_it_the_driver_stands_behind_it(monkeypatch: pytes
     record = drive()
     assert record.completed < 0.8
     assert not record.infractions
+
+
+def test_an_open_door_belongs_to_its_vehicle_on_its_side() -> None:
+    rows = np.zeros(3, ACTOR_DTYPE)
+    rows["id"], rows["yaw"], rows["length"], rows["width"] = range(2, 5), np.pi / 2.0, 4.0, 2.0
+    rows["doors"] = 0, 0b0100, 0b1111
+    found = drivers._actors(rows)
+    np.testing.assert_allclose(found.size_m, [[4.0, 2.0], [4.0, 2.95], [4.0, 3.9]])
+    np.testing.assert_allclose(found.position_m, [[0.0, 0.0], [-0.475, 0.0], [0.0, 0.0]], atol=1e-6)
+
+
+def test_the_driver_counts_on_the_least_grip_of_the_scene() -> None:
+    wet, snowy = (NOON.model_copy(update=each).model_dump() for each in ({"wetness": 100}, {"snow_cover": 100}))
+    assert drivers._grip({"weather": NOON.model_dump(), "final_weather": None}) == 1.0
+    assert drivers._grip({"weather": wet, "final_weather": NOON.model_dump()}) == pytest.approx(0.7)
+    assert drivers._grip({"weather": wet, "final_weather": snowy}) == pytest.approx(0.25)

@@ -241,3 +241,9 @@ def test_on_ice_braking_begins_earlier_and_never_asks_for_more_than_the_road_giv
         )
     ]
     assert first_m[1] < first_m[0] - 5.0
+
+
+def test_one_that_overtakes_and_cuts_in_far_ahead_is_not_braked_for() -> None:
+    """It is beside the vehicle after 1 s, and drifts into its lane with 1 m/s."""
+    overtakes = lambda time_s: ((2.0 + 18.0 * time_s, 3.5 - 1.0 * time_s, -0.055, 18.0, -1.0),)  # noqa: E731
+    assert min(acceleration for *_, acceleration in drive(overtakes, [], 3.0, speed_mps=8.0)) > -0.5

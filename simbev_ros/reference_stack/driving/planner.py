@@ -126,6 +126,8 @@ class Planner:
                 if is_ahead:
                     yield Lead(now_m, max(along_mps, 0.0))
                 continue
+            if follows and along_mps > speed_mps:
+                continue  # it overtakes, and is ahead when it is on the path
             conflict = self._conflict(free, begin_m[on_path[row]], end_m[on_path[row]], time_s[on_path[row]])
             if conflict is not None and conflict - front_m > speed_mps**2 / (2.0 * self._max_braking_mps2):
                 yield conflict

@@ -148,7 +148,7 @@ def play_on(
 
     def progress(tick: int | None) -> None:
         observer.notify(SceneProgressed(spec.name, tick))
-        for advice in session.new_advice():
+        for advice in (*session.new_losses(), *session.new_advice()):
             observer.notify(GraphWarned(SUPERVISOR, advice))
         on_tick(tick)
 
@@ -166,7 +166,8 @@ def play_on(
         raise
     finally:
         observer.notify(SceneEnded(spec.name, end))
-        for node, message in session.new_warnings():
+        losses = ((SUPERVISOR, loss) for loss in session.new_losses())  # since the last progress
+        for node, message in (*losses, *session.new_warnings()):
             observer.notify(GraphWarned(node, message))
     return end
 

@@ -61,6 +61,9 @@ class FakeSession:
     def new_warnings(self) -> list[tuple[str, str]]:
         return []
 
+    def new_losses(self) -> list[str]:
+        return []
+
     def new_advice(self) -> list[str]:
         return []
 

@@ -264,10 +264,14 @@ class GraphSession:
         """Node and text of the warnings that the nodes have logged since the last call."""
         return [warning for process in self._processes for warning in process.new_warnings()]
 
-    def new_advice(self) -> list[str]:
-        """Advice for nodes outside that the graph has been waiting for, and losses; each sentence is returned once."""
+    def new_losses(self) -> list[str]:
+        """Why drives go on without their drivers; each sentence is returned once."""
         news, self._news = self._news, []
-        return [*news, *self.monitor.new_advice()]
+        return news
+
+    def new_advice(self) -> list[str]:
+        """Advice for nodes outside that the graph has been waiting for; each sentence is returned once."""
+        return self.monitor.new_advice()
 
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process, s, by process label."""

@@ -48,6 +48,7 @@ from simbev_ros.ros.msgs.world import (
     weather_message,
 )
 from simbev_ros.ros.nodes.command_queue import CommandQueue
+from simbev_ros.ros.nodes.driver_reports import DriverReports
 from simbev_ros.ros.nodes.graph_node import GraphNode
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.pacer import Pacer
@@ -136,6 +137,7 @@ class WorldNode(GraphNode):
         self._scene: _LoadedScene | None = None
         self._networks = LatestValue[MapSpec, RoadNetwork]()
         self._commands: dict[str, Any] = {}
+        self._driver_reports = DriverReports()
         self._next_tick = 0
         self._stop: SceneStop | None = None
         self._now = Clock()
@@ -166,6 +168,7 @@ class WorldNode(GraphNode):
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
+        self._driver_reports.start_scene(request.spec.number)
         self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
         self._end_if_asked()
@@ -246,14 +249,18 @@ class WorldNode(GraphNode):
 
     def _on_stamped_command(self, agent: str, topic: str, kind: CommandKind, message: Any) -> None:
         """Queue a command; it counts as the report of its driver, valid or not."""
-        scene, stamp_ns = self._scene, stamp_of(message.header.stamp)
-        if scene is None or agent not in scene.queues or scene_number_of(stamp_ns) != scene.spec.number:
+        scene, stamp_ns, driver = self._scene, stamp_of(message.header.stamp), driver_participant(agent)
+        if scene is None or agent not in scene.queues:
             return
-        if (command := self.read(topic, kind.read, message)) is not None:
-            self.read(topic, scene.queues[agent].add, scene.spec.tick_of(stamp_ns), command, self._next_tick)
-        driver = driver_participant(agent)
-        self._lockstep.record_report(Report(driver, scene.spec.name, stamp_ns), self._next_tick - 1)
-        self.advance()
+        self.read(topic, self._driver_reports.check_stamp, driver, stamp_ns)
+        report = self._driver_reports.take_held(driver)
+        if scene_number_of(stamp_ns) == scene.spec.number:
+            if (command := self.read(topic, kind.read, message)) is not None:
+                self.read(topic, scene.queues[agent].add, scene.spec.tick_of(stamp_ns), command, self._next_tick)
+            report = Report(driver, scene.spec.name, stamp_ns)
+        if report is not None:
+            self._lockstep.record_report(report, self._next_tick - 1)
+            self.advance()
 
     def _is_driving(self, node: str) -> bool:
         """Whether a node sends stamped commands to a vehicle, and has loaded the scene."""
@@ -262,7 +269,7 @@ class WorldNode(GraphNode):
 
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, read_report, message, self.signer, self._outside)
-        if report is not None and not self._is_driving(report.node):  # its commands count, which come by another topic
+        if report is not None and (not self._is_driving(report.node) or self._driver_reports.counts(report)):
             self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
@@ -340,8 +347,7 @@ class WorldNode(GraphNode):
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._pacer.pause(request.data)
-        response.success = True
-        response.message = "paused" if request.data else "running"
+        response.success, response.message = True, "paused" if request.data else "running"
         self.get_logger().info(f"{response.message}; the next tick is {self._next_tick}")
         return response
 
@@ -349,8 +355,7 @@ class WorldNode(GraphNode):
         refusal = self._refusal()
         if refusal is None and not self._pacer.paused:
             refusal = "pause first: /world/pause"
-        response.success = refusal is None
-        response.message = refusal or f"tick {self._next_tick + self._pacer.steps}"
+        response.success, response.message = refusal is None, refusal or f"tick {self._next_tick + self._pacer.steps}"
         if response.success:
             self._pacer.steps += 1
         return response
@@ -372,9 +377,7 @@ class WorldNode(GraphNode):
     def _running(self) -> RunningScene | None:
         """The scene that runs; None if none has been loaded, or it has ended."""
         scene = self._scene
-        if scene is None or scene.end is not None:
-            return None
-        return RunningScene(scene.spec, scene.source, self._next_tick)
+        return None if scene is None or scene.end else RunningScene(scene.spec, scene.source, self._next_tick)
 
     def _refusal(self) -> str | None:
         """Why the scene can neither be stepped nor restarted; None if it can."""

@@ -75,3 +75,32 @@ def test_a_drive_goes_on_without_its_driver(simbev: Simbev, tmp_path: Path, scri
     (judged,) = drives_of(open_dataset(tmp_path / "out", threads=1).scenes)
     assert judged.figures["ended"] == "standstill"
     assert (judged.figures["completed"] > 0.02) == ("AFTER" not in script and "decide" in script)
+
+
+UNSTAMPED = """
+import rclpy
+from nav_msgs.msg import Odometry, Path
+from simbev_ros.join import Lockstep
+
+rclpy.init()
+node = rclpy.create_node("driver")
+commands = node.create_publisher(Path, "/ego/planned_path", 100)
+lockstep = Lockstep(node, "ego_driver")
+lockstep.outputs.append(commands)
+
+def drive(odometry):
+    commands.publish(Path())
+    lockstep.finished(odometry.header.stamp)
+
+node.create_subscription(Odometry, "/ego/odom", drive, 100)
+rclpy.spin(node)
+"""
+
+
+@pytest.mark.slow
+def test_commands_without_stamps_are_one_line_and_the_drive_ends(simbev: Simbev, tmp_path: Path) -> None:
+    output, opened = drive(simbev, tmp_path, UNSTAMPED)
+    with opened as bag:
+        assert bag.custom_data["ended"].startswith("ego stood still for 3 s")
+    (line,) = [line for line in output.splitlines() if "planned_path" in line]
+    assert "header.stamp must be that of the input" in line

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import cooperative_scene
+import drive_cases
 import evaluated_dataset as made
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
+from simbev_ros.evaluation.driving import recorded_drives
+from simbev_ros.evaluation.driving.figures import drive_figures
+from simbev_ros.evaluation.driving.recorded_drives import RecordedDrive
 from simbev_ros.evaluation.predictions.dataset_predictions import write_grid, write_predictions
 from simbev_ros.foundation.errors import InputError
 
@@ -207,3 +211,20 @@ def test_a_bag_has_the_answers_of_an_agent_below_its_name(tmp_path: Path) -> Non
     for agent, topic in (("car", "/car/prediction/boxes"), ("ego", "/prediction/boxes")):
         assert f"there is no topic {topic}," in str(called(cars, cars, "--agent", agent).exception)
     assert "--agent 'bus': " in str(called(cars, cars, "--agent", "bus").exception)
+
+
+def test_scores_of_drives_come_with_those_of_predictions(
+    predictions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = drive_cases.spec().drive
+    monkeypatch.setattr(made, "spec", lambda number, own=made.spec: own(number).model_copy(update={"drive": drive}))
+    driven, file, page = made.record(tmp_path / "driven"), tmp_path / "figures.json", tmp_path / "report.html"
+    record = drive_cases.drive(drive_cases.straight(10.0), 3.0)[0].record
+    judged = [RecordedDrive(name, drive_figures(record), record.infractions) for name in made.NAMES]
+    monkeypatch.setattr(recorded_drives, "drives_of", lambda scenes: judged[: len(scenes)])
+    result = called(predictions, driven, "--json", file, "--report", page, "--workers", "1")
+    assert result.exit_code == 0, result.output
+    figures = json.loads(file.read_text())
+    assert figures["frames"]["evaluated"] == 20 and figures["drives"]["drives"] == 2
+    assert set(figures["drives"]["scenes"]) == {*made.NAMES}
+    assert "CARLA 2.1" in result.stdout and "<h2>Drives</h2>" in page.read_text()

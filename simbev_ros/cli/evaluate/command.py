@@ -1,21 +1,24 @@
 """``simbev evaluate``: measures predictions with the metrics of the paper."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
-from simbev_ros.cli.evaluate.drives import evaluate_drives
+from simbev_ros.cli.evaluate.drives import drives_beside, evaluate_drives
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import is_dataset
+
+if TYPE_CHECKING:
+    from simbev_ros.evaluation.tables import FigureTable
 
 
 def evaluate(
@@ -47,7 +50,7 @@ def evaluate(
     none beyond the range within which boxes are labeled.
 
     With a dataset alone, the drives of its scenes are scored as by CARLA's leaderboards 2.0 and 2.1, Bench2Drive and
-    nuPlan; --split, --scenes, --report and --json apply.
+    nuPlan; --split, --scenes, --report and --json apply. With predictions, their scores come last.
 
     If boxes have ids of tracks, there are also tracking metrics: AMOTA, AMOTP, MOTA, MOTP, IDS, FRAG, and HOTA, also in
     the tables by daytime, weather and map.
@@ -89,9 +92,11 @@ def evaluate(
         result = evaluate_dataset(chosen, predicted, options, pool, bar.show)
     seen_by = {"agent": agent, "truth": section.truth} if agent is not None or section.truth != "own" else {}
     figures = {"dataset": str(dataset), "predictions": str(predictions), **seen_by, **figures_of(result)}
-    _show_figures(figures, json_file)
+    drives, tables = drives_beside(chosen, make_console(stderr=True))
+    figures |= drives
+    _show_figures(figures, json_file, tables)
     if report is not None:
-        _write_report(report, result, chosen, predicted, figures)
+        _write_report(report, result, chosen, predicted, figures, tables)
 
 
 @contextmanager
@@ -133,9 +138,9 @@ def _require_places(report: Path | None, json_file: Path | None) -> None:
         require_place(file)
 
 
-def _show_figures(figures: Mapping[str, Any], json_file: Path | None) -> None:
-    """Write the figures to a file, if there is to be one, and print them as tables."""
-    from simbev_ros.cli.evaluate.tables import print_tables
+def _show_figures(figures: Mapping[str, Any], json_file: Path | None, drives: "Sequence[FigureTable]") -> None:
+    """Write the figures to a file, if there is to be one, and print them as tables, those of drives last."""
+    from simbev_ros.cli.evaluate.tables import print_figure_tables, print_tables
 
     console = make_console(highlight=False)
     if json_file is not None:  # before the tables, because their reader may close the pipe, as head does
@@ -143,3 +148,4 @@ def _show_figures(figures: Mapping[str, Any], json_file: Path | None) -> None:
             write_whole(json_file, json.dumps(figures, indent=2).encode() + b"\n")
         console.print(f"figures in {json_file}", soft_wrap=True)
     print_tables(figures, console)
+    print_figure_tables(drives, console)

@@ -1,19 +1,25 @@
 """``simbev evaluate`` with a dataset alone: the scores of its drives."""
 
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
 
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.evaluate.tables import print_figure_tables
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
 
 if TYPE_CHECKING:
-    from simbev_ros.dataset import Dataset
+    from simbev_ros.dataset import Dataset, Scene
+    from simbev_ros.evaluation.driving.recorded_drives import RecordedDrive
+    from simbev_ros.evaluation.tables import FigureTable
 
 
 def evaluate_drives(
@@ -25,7 +31,6 @@ def evaluate_drives(
         InputError: No scene has a drive.
         BagError: A bag is damaged.
     """
-    from simbev_ros.evaluation.driving.figures import mean_figures
     from simbev_ros.evaluation.driving.recorded_drives import drives_of
     from simbev_ros.evaluation.driving.tables import drive_tables
 
@@ -38,19 +43,10 @@ def evaluate_drives(
         raise InputError(
             f"{dataset}: no scene has a route to drive (section drive); predictions come before the dataset"
         )
-    means = mean_figures([each.figures for each in drives])
-    by_scene: dict[str, Any] = {
-        each.scene: {
-            **each.figures,
-            "events": [event.record() for event in each.infractions],
-            "route_events": each.route_events,
-        }
-        for each in drives
-    }
+    means = _summary(drives)
     if json_file is not None:
-        figures = {"dataset": str(dataset), **means, "scenes": by_scene}
         with write_errors(json_file):
-            write_whole(json_file, json.dumps(figures, indent=2).encode() + b"\n")
+            write_whole(json_file, json.dumps({"dataset": str(dataset), **means}, indent=2).encode() + b"\n")
         console.print(f"figures in {json_file}", soft_wrap=True)
     console.print(plural(len(drives), "drive"))
     if cut := [each.scene for each in drives if each.scene in unfinished]:
@@ -62,6 +58,42 @@ def evaluate_drives(
         with make_console(stderr=True).status("report"):
             write_drive_report(report, dataset.resolve().name, chosen, drives, means)
         console.print(f"report in {report}", soft_wrap=True)
+
+
+def drives_beside(chosen: "Sequence[Scene]", console: Console) -> "tuple[dict[str, Any], list[FigureTable]]":
+    """Figures and tables of the drives of scenes with predictions; empty if no scene has a drive.
+
+    A line says so if the simulator's libraries, which judge drives, are not installed.
+
+    Raises:
+        BagError: A bag is damaged.
+    """
+    if all(scene.spec.drive is None for scene in chosen):
+        return {}, []
+    if load_extras()["sim"].missing:
+        console.print(load_extras()["sim"].remedy("the score of drives"), soft_wrap=True)
+        return {}, []
+    from simbev_ros.evaluation.driving.recorded_drives import drives_of
+    from simbev_ros.evaluation.driving.tables import drive_tables
+
+    drives = drives_of(chosen)
+    figures = _summary(drives)
+    return {"drives": figures}, [*drive_tables(drives, figures)]
+
+
+def _summary(drives: "Sequence[RecordedDrive]") -> dict[str, Any]:
+    """Means of drives, and what was found in each scene, as plain values for JSON."""
+    from simbev_ros.evaluation.driving.figures import mean_figures
+
+    scenes = {
+        each.scene: {
+            **each.figures,
+            "events": [event.record() for event in each.infractions],
+            "route_events": each.route_events,
+        }
+        for each in drives
+    }
+    return {**mean_figures([each.figures for each in drives]), "scenes": scenes}
 
 
 def _opened(path: Path) -> "tuple[Dataset, frozenset[str]]":

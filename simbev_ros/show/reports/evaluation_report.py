@@ -11,6 +11,7 @@ from simbev_ros.evaluation.scene_boxes import found_column
 from simbev_ros.evaluation.tables import (
     METHOD_NAMES,
     Figures,
+    FigureTable,
     condition_table,
     conditions_of,
     error_table,
@@ -57,7 +58,12 @@ _SCENES_NOTE = (
 
 
 def write_evaluation_report(
-    path: Path, evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet, figures: Figures
+    path: Path,
+    evaluation: Evaluation,
+    scenes: Sequence[Scene],
+    predictions: PredictionSet,
+    figures: Figures,
+    drives: Sequence[FigureTable] = (),
 ) -> None:
     """Write the report page with pictures of the worst frames.
 
@@ -67,17 +73,20 @@ def write_evaluation_report(
         scenes: The evaluated scenes.
         predictions: Their predictions.
         figures: Result of ``evaluation.figures.figures_of``, plus the names of the ``dataset`` and the ``predictions``.
+        drives: Tables of the drives of the scenes.
 
     Raises:
         InputError: The file cannot be written.
     """
     boxes, cells = (cards(evaluation, scenes, predictions) for cards in (worst_frame_cards, worst_grid_cards))
-    text = evaluation_report(evaluation, figures, boxes, cells)
+    text = evaluation_report(evaluation, figures, boxes, cells, drives)
     with write_errors(path):
         write_whole(path, text.encode())
 
 
-def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "", cells: str = "") -> str:
+def evaluation_report(
+    evaluation: Evaluation, figures: Figures, boxes: str = "", cells: str = "", drives: Sequence[FigureTable] = ()
+) -> str:
     """The report of an evaluation as a self-contained HTML page.
 
     Args:
@@ -85,6 +94,7 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
         figures: As for ``write_evaluation_report``.
         boxes: HTML of the frames with the most missed boxes, or empty.
         cells: HTML of the frames with the lowest IoU of cells, or empty.
+        drives: As for ``write_evaluation_report``.
     """
     detection, segmentation = figures.get("detection", {}), figures.get("segmentation", {})
     sections = [
@@ -93,6 +103,7 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
         _cells(segmentation),
         *_conditions(figures),
         _nuscenes(figures.get("nuscenes", {})),
+        section("Drives", "".join(map(html_table, drives))),
         section("Scenes", scene_table(evaluation), _SCENES_NOTE),
         section("Frames with the most missed boxes", boxes, _found_note(evaluation)),
         section("Frames with the lowest IoU of cells", cells, "Evaluated classes, at the table's threshold."),

@@ -4,7 +4,8 @@ An ego that drives on collides; one that brakes as the event begins does not.
 """
 
 from functools import cache
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import COLLISION, EGO_ID, WorldState
+from simbev_ros.simulation.world.events.cutting_in import CuttingIn
+from simbev_ros.simulation.world.events.motion import EgoOnRoute, Stage
 from simbev_ros.simulation.world.events.route_events import EventRecord
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -227,3 +230,18 @@ def test_a_vehicle_on_the_ring_meets_the_ego_at_the_entry_of_a_roundabout() -> N
 def test_the_same_scene_gives_the_same_bytes() -> None:
     first, second = run("red_light_runner", False), run.__wrapped__("red_light_runner", False)
     assert [state.actors.tobytes() for state in first.states] == [state.actors.tobytes() for state in second.states]
+
+
+@pytest.mark.parametrize("ego_mps", [6.0, 20.0])
+def test_a_faster_ego_has_more_room_to_brake_for_what_cuts_in(ego_mps: float) -> None:
+    """The other one rolls at 5 m/s; what is closed at 4 m/s² is added to the gap of 8 m."""
+    given = SimpleNamespace(set_speed=lambda *_: None, move_aside=lambda *_: moved.append(1))
+    sumo = SimpleNamespace(given=given, limit_speed=lambda *_: None, speed_mps=lambda _: 5.0)
+    event = SimpleNamespace(parameters={"gap_m": 8.0, "left_m": 3.5, "speed_share": 5.0 / ego_mps})
+    wanted_m = 8.0 + (ego_mps - 5.0) ** 2 / 8.0
+    for more_m, changes in ((0.1, False), (-0.1, True)):
+        moved: list[int] = []
+        stage: Any = Stage
+        motion = CuttingIn(stage(event, sumo, None, None, lambda: 0, TICK_S, (3,), ()))
+        motion.advance(EgoOnRoute(50.0, ego_mps, 0.0), np.array([55.0 + wanted_m + more_m]))
+        assert bool(moved) is changes

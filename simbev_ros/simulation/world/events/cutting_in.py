@@ -5,6 +5,7 @@ from simbev_ros.simulation.world.events.motion import EgoOnRoute, EventMotion
 
 _MPS2, _LENGTH_M = 2.5, 5.0
 _MIN_MPS, _LANE_CHANGE_S, _OVER_M = 3.0, 2.5, 30.0
+_AVOIDED_MPS2 = 4.0  # braking by which the ego keeps the gap that was drawn
 
 
 class CuttingIn(EventMotion):
@@ -23,8 +24,9 @@ class CuttingIn(EventMotion):
     def advance(self, ego: EgoOnRoute, along_m: Float64Array) -> bool:
         """Roll ahead of the ego, then change to its lane."""
         gap_m = float(along_m[0]) - _LENGTH_M - ego.front_m
-        self._accelerate(self._speed_mps(ego), _MPS2, heeds_leaders=True)
-        if self._changing_s or gap_m < self._stage["gap_m"]:
+        closing_mps = ego.speed_mps - self._accelerate(self._speed_mps(ego), _MPS2, heeds_leaders=True)
+        braking_m = max(closing_mps, 0.0) ** 2 / (2.0 * _AVOIDED_MPS2)
+        if self._changing_s or gap_m < self._stage["gap_m"] + braking_m:
             if not self._changing_s:
                 self._stage.sumo.given.move_aside(self._vehicle, self._stage["left_m"])
             self._changing_s += self._stage.tick_s

@@ -41,6 +41,7 @@ ROS = {
     "rosgraph_msgs",
     "sensor_msgs",
     "simbev_interfaces",
+    "simulation_interfaces",
     "std_msgs",
     "std_srvs",
     "trajectory_msgs",

@@ -1,5 +1,7 @@
 """Definitions of messages in the package, against ROS's own parser and the hashes of the real packages."""
 
+import json
+import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from enum import IntEnum, IntFlag
@@ -34,6 +36,20 @@ PUBLISHED_HASHES = {
     "vision_msgs/msg/VisionInfo": "95d3116a17484ad91c9a2686e1d54890bbfc3ff6c6a2de137738c4950d45d284",
 }
 """Hashes in the code that ROS 2's generators made of the package vision_msgs, as found in public workspaces."""
+SIMULATION_HASHES = {
+    "msg/Bounds": "e8624fe51f0f5548197542697d924c5699ac7198f1e4c68e50c3ca2af73f5b3f",
+    "msg/Result": "cf43a306adff3337a0a47143d8f5689933bc70a30478f13b077dc1fe3bc5ad17",
+    "msg/SimulationState": "bb9f87ccdd98fba113052a512d9801e84ce732d0a2b3c2b0cb281828de36e415",
+    "srv/GetAvailableWorlds": "ce5589b5523f2732d1969a3c5a7e6b17a387091df8190c62f78d7fdd1109e3e3",
+    "srv/GetEntitiesStates": "0a76170d0c1c90e1eaf805cfab78ea801d1f82df309a28c1f0fae4b570f19754",
+    "srv/GetNamedPoses": "c3d12ab920115bfd4733f6d20516adc3968fb438538540997c37e200e02b04e3",
+    "srv/GetSpawnables": "3e25fd827d8bcbd9db5e36ccb190efa22d6f6313897861268ab923bf091a992a",
+    "srv/LoadWorld": "87d0ded1bfddb40a74d0bedb963fdd592fbedb14d0057d597850404b73c338af",
+    "srv/ResetSimulation": "4ce285d7ff9b8ac70dcc95161f32bf54c05a6f4b13427990e41ab40c36c39646",
+    "srv/SpawnEntity": "66860313e11009faddbfc8568e5d410d1a11607fe75eeb1308671dc0406fe3a7",
+    "srv/StepSimulation": "913fe0653690ce6bf8f09f316e6a626747012e9fca31e26719910d417aa8565c",
+}
+"""Likewise of the package simulation_interfaces 2; each covers the types that it refers to."""
 ALL_FILES = [(kind, path) for name in (OWN_PACKAGE, *FOREIGN_PACKAGES) for kind, path in interface_files(name).items()]
 
 
@@ -99,6 +115,20 @@ def test_type_hashes_of_vision_msgs_are_those_of_the_real_package() -> None:
         store.register(get_types_from_msg(path.read_text(encoding="utf-8"), name))
     assert {name: store.hash_rihs01(name) for name in PUBLISHED_HASHES} == {
         name: f"RIHS01_{digest}" for name, digest in PUBLISHED_HASHES.items()
+    }
+
+
+def test_type_hashes_of_simulation_interfaces_are_those_of_the_real_package() -> None:
+    share = Path(sys.prefix, "share", "simulation_interfaces")
+    if not share.is_dir():
+        pytest.skip("the package is not installed")
+    made = {
+        each["type_name"]: each["hash_string"]
+        for name in SIMULATION_HASHES
+        for each in json.loads((share / f"{name}.json").read_text())["type_hashes"]
+    }
+    assert {name: made[f"simulation_interfaces/{name}"] for name in SIMULATION_HASHES} == {
+        name: f"RIHS01_{digest}" for name, digest in SIMULATION_HASHES.items()
     }
 
 

@@ -26,9 +26,10 @@ needs_compiler = pytest.mark.skipif(
 
 READING = "std_msgs/Header header\ngeometry_msgs/Point[] points\nfloat64[4] weights\nstring name\n"
 ASKING = "string question\n---\nstring answer\n"
+SAME_NAME = "Reading reading\n---\n"
 USE = """
 from made_up_msgs.msg import Reading
-from made_up_msgs.srv import Asking
+from made_up_msgs.srv import Asking, Reading as OfService
 from geometry_msgs.msg import Point
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -37,6 +38,7 @@ sent.header.frame_id = "map"
 payload = serialize_message(sent)
 assert deserialize_message(payload, Reading) == sent
 assert Asking.Request(question="?").question == "?"
+assert OfService.Request(reading=sent).reading == sent
 print(payload.hex())
 """
 
@@ -63,8 +65,8 @@ class MadeUp(MessagePackage):
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> MadeUp:
     folder = tmp_path_factory.mktemp("definitions")
-    for path, text in (("msg/Reading.msg", READING), ("srv/Asking.srv", ASKING)):
-        (folder / path).parent.mkdir()
+    for path, text in (("msg/Reading.msg", READING), ("srv/Asking.srv", ASKING), ("srv/Reading.srv", SAME_NAME)):
+        (folder / path).parent.mkdir(exist_ok=True)
         (folder / path).write_text(text)
     return MadeUp(folder)
 
@@ -120,7 +122,11 @@ def test_the_wheel_records_its_files_and_lists_its_interfaces_for_ros(installed:
         digest = base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).rstrip(b"=").decode()
         assert recorded[name] in ("", f"sha256={digest}")
     index = data(installed) / "share" / "ament_index" / "resource_index"
-    assert (index / "rosidl_interfaces" / "made_up_msgs").read_text().split() == ["msg/Reading.msg", "srv/Asking.srv"]
+    assert (index / "rosidl_interfaces" / "made_up_msgs").read_text().split() == [
+        "msg/Reading.msg",
+        "srv/Asking.srv",
+        "srv/Reading.srv",
+    ]
     assert (index / "packages" / "made_up_msgs").is_file()
 
 
@@ -148,7 +154,7 @@ def test_without_a_compiler_the_packages_of_the_distribution_are_named(monkeypat
     monkeypatch.setattr(libraries.shutil, "which", lambda name: None)
     with pytest.raises(
         SimbevError,
-        match=r"^tf2_msgs, .*, ackermann_msgs, simbev_interfaces cannot be made on this machine: no C",
+        match=r"^tf2_msgs, .*, simulation_interfaces, simbev_interfaces cannot be made on this machine: no C",
     ):
         installer.install_missing()
     assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then ./simbev doctor --fix"
@@ -168,7 +174,8 @@ def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(installer, "_version", lambda name: None)
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
     assert installer.describe_remedy() == (
-        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-ackermann-msgs; "
+        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-ackermann-msgs "
+        "ros-jazzy-simulation-interfaces; "
         "build the package in interfaces/ with colcon, and source it"
     )
 

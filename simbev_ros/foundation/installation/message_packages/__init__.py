@@ -1,4 +1,4 @@
-"""ROS message packages that no wheel brings, made on this machine: tf2, vision, radar and ackermann_msgs, and our own.
+"""ROS message packages that no wheel brings, made on this machine: those of ``definitions/``, and our own.
 
 ROS's wheels bring the generators that ``colcon build`` runs. They write C, C++ and Python from the definitions of a
 package; a compiler of this machine makes libraries of them, and pip installs the result like any other wheel. Where

@@ -12,6 +12,7 @@ from pathlib import Path
 from rosidl_adapter.action import convert_action_to_idl
 from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_adapter.srv import convert_srv_to_idl
+from rosidl_generator_c import cli as generator_c
 from rosidl_generator_c.cli import GenerateC
 from rosidl_generator_py.cli import GeneratePython
 from rosidl_parser import parser
@@ -59,7 +60,7 @@ def generate_sources(package: MessagePackage, folder: Path) -> Sources:
     os.environ["AMENT_PREFIX_PATH"] = sys.prefix  # where the generators find their templates
     printed = StringIO()
     try:
-        with redirect_stdout(printed), redirect_stderr(printed), _each_definition_parsed_once():
+        with redirect_stdout(printed), redirect_stderr(printed), _each_definition_parsed_once(), _kinds_told_apart():
             return _generate(package, folder)
     except Exception as error:
         raise ValueError(f"{package.name}: {error}\n{printed.getvalue()}") from error
@@ -102,6 +103,23 @@ def _each_definition_parsed_once() -> Iterator[None]:
         yield
     finally:
         parser.get_ast_from_idl_string = parse
+
+
+@contextmanager
+def _kinds_told_apart() -> Iterator[None]:
+    """Let a message and a service have the same name: the generator finds descriptions by the name of a file alone."""
+
+    def pair_files(idl_files: Iterable[str], descriptions: Iterable[Path]) -> list[str]:
+        of_kind = {(Path(path).parent.name, Path(path).stem): path for path in descriptions}
+        paths = [Path(name.rpartition(":")[2]) for name in idl_files]
+        return [f"{path}:{of_kind[path.parent.name, path.stem]}" for path in paths]
+
+    build = generator_c.build_type_description_tuples
+    generator_c.build_type_description_tuples = pair_files
+    try:
+        yield
+    finally:
+        generator_c.build_type_description_tuples = build
 
 
 def _run(generator: object, package: MessagePackage, idl_files: list[str], include: Iterable[str], root: Path) -> None:

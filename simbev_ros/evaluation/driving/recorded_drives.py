@@ -11,7 +11,7 @@ from simbev_ros.evaluation.driving.referee import Referee
 from simbev_ros.evaluation.driving.static_world import load_static_world
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.maps.build import load_network
-from simbev_ros.schema.scene.state import COLLISION, EGO_ID, WorldState
+from simbev_ros.schema.scene.state import COLLISION, EGO_ID, ENTITY_PREFIX, WorldState
 
 _EVENTS, _SCORE, _ACTORS, _SIGNALS = "drive/events", "drive/score", "world/actors", "world/signals"
 
@@ -77,7 +77,8 @@ def _as_recorded(scene: Scene) -> RecordedDrive:
 
 
 def _route_events(scene: Scene) -> tuple[Mapping[str, Any], ...]:
-    return tuple(each for each in scene.records("world/events") if each.get("type") != COLLISION)
+    events = ((str(each.get("type")), each) for each in scene.records("world/events"))
+    return tuple(each for kind, each in events if kind != COLLISION and not kind.startswith(ENTITY_PREFIX))
 
 
 def _checked(figures: Any) -> Mapping[str, Any]:

@@ -54,6 +54,8 @@ class SignalState(IntEnum):
 
 COLLISION = "collision"
 """Type of the events of two actors that touch for the first time."""
+ENTITY_PREFIX = "entity."
+"""Prefix of the types of the events that record commands to single actors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,8 @@ class Event:
     """Something that happened during the last tick.
 
     Attributes:
-        type: ``COLLISION``; or for an event along the route of the first agent its kind with ``.begin`` or ``.end``.
+        type: ``COLLISION``; for a command to a single actor ``entity.spawn``, ``entity.set`` or ``entity.delete``; for
+            an event along the route of the first agent its kind with ``.begin`` or ``.end``.
         ids: Ids of the actors, ascending; without the first agent if the event is one of its route.
         position_m: Position, map frame; that of the first agent if the event is one of its route.
         relative_speed_mps: Relative speed of two actors just before they touch; otherwise 0.

@@ -89,6 +89,10 @@ class Replay:
             raise
         self._tick = -spec.warm_up_ticks
 
+    @property
+    def entities(self) -> None:
+        """No commands have an effect on actors."""
+
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """Do nothing: all vehicles move as they were recorded."""
 
@@ -98,6 +102,10 @@ class Replay:
     def hold_signal(self, head: int, state: SignalState | None) -> int:
         """Refuse, as all traffic has reacted to the lights as they were recorded."""
         raise InputError("a replay shows the traffic lights as they were recorded")
+
+    def adopt_entity(self, actor: int, actors: Table) -> None:
+        """Refuse, as ``hold_signal``."""
+        raise InputError("a replay shows all actors as they were recorded")
 
     def step(self) -> WorldState:
         """Advance by one tick and return the state; the first call returns that of the first warm-up tick.

@@ -15,6 +15,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.tunnels import Tunnels
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
@@ -92,6 +93,7 @@ class Actors:
         first_parked_id = first_prop_id(spec) + len(self._props)
         self._parked = ParkedVehicles(spec, network, parking_spots, excursions, first_parked_id)
         self._resting = resting_people(spec, network, rests, excursions, first_parked_id + len(self._parked.rows))
+        self._free_id = first_parked_id + len(self._parked.rows) + len(self._resting)
         props = prop_obstacles(self._props, network, self._ground)
         obstacles = np.concatenate([obstacles, props, resting_obstacles(self._resting, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
@@ -99,6 +101,7 @@ class Actors:
         self._point = cast.bodies.point
         self._wrecks = Wrecks(spec, population, cast.bodies)
         self._towing, self._towed = cast.bodies.towing, cast.bodies.towed
+        self._cast_rows, self._mount_m = cast.rows, cast.bodies.mount_m
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._leading = LeadingPoints(
             spec, population, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
@@ -125,6 +128,11 @@ class Actors:
     def ground(self) -> GroundSurface:
         """The ground surface under all actors."""
         return self._ground
+
+    @property
+    def free_id(self) -> int:
+        """The first id that no actor of the scene has."""
+        return self._free_id
 
     @property
     def delay_ticks(self) -> int:
@@ -173,6 +181,32 @@ class Actors:
     def open_doors(self, vehicle: int, doors: int) -> None:
         """Open doors of a vehicle that stands for the whole scene, given as bits."""
         self._doors.open_for_good(vehicle, doors)
+
+    def take_out(self, actor: int) -> tuple[Int64Array, Float64Array]:
+        """Take an actor out of traffic and collisions for good.
+
+        Returns:
+            (1 + K,) ids of the actor and of what it carries or tows, and (1 + K, 3) where these are in its frame.
+        """
+        rows = np.flatnonzero(self._cast_rows["id"] == actor)
+        if not len(rows):  # a parked vehicle, a prop or a person who rests
+            collisions, parked = self._motion.collisions, np.flatnonzero(self._parked.rows["id"] == actor)
+            collisions.remove(len(self._half_length_m) + parked)
+            return np.array([actor], np.int64), np.zeros((1, 3))
+        body = int(self._point[rows[0]])
+        riders = np.flatnonzero(self._cast_rows["parent"] == actor)
+        units = np.flatnonzero(self._towing.leader == body) if body < self._towed.start else riders[:0]
+        towed = self._towed.start + units
+        bodies = np.append(body, towed)
+        gone = bodies[~self._wrecks.removed[bodies]]
+        self._wrecks.clear(gone)
+        self._motion.collisions.remove(gone)
+        own = [rows[0], *riders, *np.flatnonzero(np.isin(self._point, towed))]
+        offsets_m = np.zeros((len(own), 3))
+        offsets_m[1 : 1 + len(riders)] = self._mount_m[riders]
+        models = [load_blueprints()[int(self._cast_rows["blueprint"][row])] for row in own]
+        offsets_m[1 + len(riders) :, 0] = [models[0].hitch_m - each.hitch_m for each in models[1 + len(riders) :]]
+        return self._cast_rows["id"][own].astype(np.int64), offsets_m
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)

@@ -35,12 +35,14 @@ from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
 from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
 from simbev_ros.simulation.world.driving.turning_room import TurningRoom
+from simbev_ros.simulation.world.entities import Entities
 from simbev_ros.simulation.world.events.route_events import EventRecord, RouteEvents
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 from simbev_ros.simulation.world.sumo.impatience import Impatience
 from simbev_ros.simulation.world.sumo.net_crop import crop_net
+from simbev_ros.simulation.world.sumo.placed_obstacles import Obstacle
 from simbev_ros.simulation.world.sumo.routes import Routes
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
 from simbev_ros.simulation.world.sumo.start import sumo_step_ns
@@ -59,6 +61,7 @@ class Simulation:
 
     Attributes:
         weather: Weather at each tick, which commands may change.
+        entities: Actors that commands have put into the scene or moved.
     """
 
     def __init__(
@@ -109,13 +112,17 @@ class Simulation:
             self._actors = Actors(
                 spec, network, self._population, obstacles, demand.excursions, self.weather, parking_spots, rests
             )
+            heights_m = None if self._actors.ground.is_level else self._actors.ground.heights_m
+            self.entities = Entities(spec.tick_ns / NS_PER_S, self._actors.free_id, heights_m)
             self._turning_room = self._turning_room_on(network)
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
             self._impatience = None if spec.drive is None else Impatience(self._sumo.vehicles)
             self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
-            delay_ticks, heights_m = self._actors.commanded_delay_ticks, self._actors.ground.heights_m
-            self._outside_drivers = OutsideDrivers(spec, network, self._sumo, heights_m, delay_ticks)
+            delay_ticks = self._actors.commanded_delay_ticks
+            self._outside_drivers = OutsideDrivers(
+                spec, network, self._sumo, self._actors.ground.heights_m, delay_ticks
+            )
             self._route_events = RouteEvents(
                 spec, self._population, self._actors, self.weather, lambda: self._steps - spec.warm_up_ticks + 1
             )
@@ -169,6 +176,13 @@ class Simulation:
             self._signal_heads.hold(head, state, now)
         return now + self._actors.delay_ticks - self._spec.warm_up_ticks
 
+    def adopt_entity(self, actor: int, actors: Table) -> None:
+        """As in ``StateSource``."""
+        if actor not in self.entities:
+            ids, offsets_m = self._actors.take_out(actor)
+            is_there = np.isin(ids, actors["id"])
+            self.entities.adopt(actors[np.searchsorted(actors["id"], ids[is_there])], offsets_m[is_there])
+
     def step(self) -> WorldState:
         """Advance by one tick and return its state.
 
@@ -186,6 +200,7 @@ class Simulation:
             self._turning_room.hold_back()
             self._speed_bumps.slow_down()
             self._making_way.make_way()
+            self._place_obstacles()
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:
@@ -200,6 +215,9 @@ class Simulation:
         sample = self._population.sample()
         actors = self._actors.advance_actors(sample, self._steps)
         self._route_events.advance(sample.front_m)
+        self.entities.advance_entities(self.weather.at(tick))
+        actors = self.entities.overlay(actors)
+        self.entities.note_contacts(actors)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(tick),
             tick=tick,
@@ -207,10 +225,22 @@ class Simulation:
             actors=actors,
             signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
             weather=self.weather.at(tick),
-            events=(*self._actors.events, *self._route_events.events_at(tick, actors)),
+            events=(*self._actors.events, *self.entities.events, *self._route_events.events_at(tick, actors)),
         )
         self._steps += 1
         return state
+
+    def _place_obstacles(self) -> None:
+        """Let SUMO's traffic heed the entities on its roads, where they will be when the tables catch up with it."""
+        ahead_s = self._actors.delay_ticks * self._spec.tick_ns / NS_PER_S
+        is_paved = self._actors.ground.is_paved
+        self._sumo.obstacles.place(
+            {
+                actor: Obstacle(size_m, motion.position_m, motion.rotation[:, 0])
+                for actor, size_m, motion in self.entities.ahead(ahead_s)
+                if is_paved(motion.position_m[None])[0]
+            }
+        )
 
     def _hold_in_warm_up(self, tick: int) -> None:
         """Let the first agent stand at the start of its route until tick 0, as vehicles driven from outside do."""

@@ -2,9 +2,11 @@
 
 from typing import Protocol
 
+from simbev_ros.foundation.types import Table
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.state import SignalState, WorldState
 from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.entities import Entities
 
 
 class StateSource(Protocol):
@@ -15,6 +17,10 @@ class StateSource(Protocol):
     """
 
     weather: WeatherCourse
+
+    @property
+    def entities(self) -> Entities | None:
+        """Actors that commands have put into the scene or moved; None: all actors are as they were recorded."""
 
     @property
     def available(self) -> tuple[int, str]:
@@ -44,6 +50,17 @@ class StateSource(Protocol):
 
         Raises:
             InputError: There is no such head, it never has this state, or the scene is a replay.
+        """
+
+    def adopt_entity(self, actor: int, actors: Table) -> None:
+        """Take an actor out of the traffic and make an entity of it, unless it is one.
+
+        Args:
+            actor: Its id.
+            actors: (N,) ``ACTOR_DTYPE``, the latest table.
+
+        Raises:
+            InputError: There are too many entities, or the scene is a replay.
         """
 
     def step(self) -> WorldState:

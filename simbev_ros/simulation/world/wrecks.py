@@ -37,9 +37,13 @@ class Wrecks:
             return _NOBODY
         self._crashed_ticks += crashed
         due = np.flatnonzero((self._crashed_ticks > self._ticks) & ~self.removed & self._may_go)
-        self.removed[due] = True
-        for body in due.tolist():
+        self.clear(due)
+        return due
+
+    def clear(self, bodies: Int64Array) -> None:
+        """Remove (K,) bodies from SUMO, each once."""
+        self.removed[bodies] = True
+        for body in bodies.tolist():
             if not self._towed.start <= body < self._towed.stop:
                 count = self._towed.stop - self._towed.start
                 self._population.clear_crashed(body if body < self._towed.start else body - count)
-        return due

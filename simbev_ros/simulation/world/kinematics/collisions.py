@@ -120,7 +120,8 @@ class Collisions:
         return position_m, rpy_rad
 
     def remove(self, bodies: Int64Array) -> None:
-        """Take (K,) bodies that have collided out of everybody's way, far below the ground; they never come back."""
+        """Take (K,) bodies out of everybody's way, far below the ground; they never come back."""
+        self.crashed[bodies] = True
         self._position_m = self._position_m.copy()
         self._position_m[bodies, 2] -= _REMOVED_M
         self._velocity_mps[bodies] = 0.0

@@ -21,6 +21,7 @@ from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.simulation.world.sumo.lanes_beside import leave_lane
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.simulation.world.sumo.placed_obstacles import PlacedObstacles
 from simbev_ros.simulation.world.sumo.signals import PhaseChange
 from simbev_ros.simulation.world.sumo.start import start_sumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
@@ -62,6 +63,7 @@ class SumoTraffic:
         pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
         progress: Where the vehicles are on their routes at the latest sample.
         given: Motion that is given to some vehicles, which their drivers do not decide.
+        obstacles: What commands place on the roads.
     """
 
     _running = False
@@ -112,6 +114,7 @@ class SumoTraffic:
         self._curvature_per_m: dict[str, float] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
         self._off_net: dict[str, dict[int, Any]] = {}
+        self.obstacles = PlacedObstacles()
         self._cleared: set[str] = set()  # wrecks that have left the simulation
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self.given = GivenMotion(self._vehicle_names, self._left_sign)
@@ -210,7 +213,7 @@ class SumoTraffic:
         self._has_pending_move = True
 
     def clear_crashed(self, body: int) -> None:
-        """Take an actor that is held after a collision off the roads, so that it blocks nobody.
+        """Take an actor, such as one that is held after a collision, off the roads for good, so that it blocks nobody.
 
         Args:
             body: Index among the vehicles, then pedestrians.
@@ -220,6 +223,8 @@ class SumoTraffic:
                 self.remove_pedestrian(body - len(self.vehicles))
             return
         name = self._vehicle_names[body]
+        self._crashed.setdefault(name, dict(libsumo.vehicle.getSubscriptionResults(name)))
+        self.given.leave(name)
         self._cleared.add(name)
         self._lanes_ahead.remove(body)
         libsumo.vehicle.unsubscribe(name)
@@ -374,11 +379,14 @@ class SumoTraffic:
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""
+        if self._vehicle_names[vehicle] in self._cleared:
+            return False
         return bool(libsumo.vehicle.getSpeedWithoutTraCI(self._vehicle_names[vehicle]) > _STANDING_MPS)
 
     def will_stand(self, vehicle: int, for_s: float) -> bool:
         """Whether a vehicle at rest will stay for this duration: in a queue, or at a red light that lasts as long."""
-        return vehicle_routes.will_stand(self._vehicle_names[vehicle], for_s)
+        name = self._vehicle_names[vehicle]
+        return name not in self._cleared and vehicle_routes.will_stand(name, for_s)
 
     def adapt_driver(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
         """Set a driver's desired speed, relative to the limit, and headway."""
@@ -413,7 +421,8 @@ class SumoTraffic:
     def close(self) -> None:
         """End the simulation; further calls have no effect."""
         if self._open:
-            if self._has_pending_move:  # otherwise libsumo would move an actor of the same name in the next simulation
+            # Otherwise libsumo would move an actor of the same name in the next simulation.
+            if self._has_pending_move or self.obstacles.placed:
                 with suppress(*_FAILURES):
                     libsumo.simulationStep()
             libsumo.close()

@@ -128,6 +128,7 @@ def play_on(
     config: Scenario | None = None,
     on_tick: Callable[[int | None], None] = lambda tick: None,
     log_to: Path | None = None,
+    paused: bool = False,
 ) -> SceneEnd:
     """Play one scene on a running graph and report its progress.
 
@@ -139,6 +140,7 @@ def play_on(
         config: The scene's configuration, if it is not that of the graph.
         on_tick: Called after the observer with the last finished tick, for callers that measure.
         log_to: The dataset that gets a log of the scene; None: none.
+        paused: Whether the world waits before the first tick.
 
     Raises:
         InputError: A node cannot do what is asked for.
@@ -156,7 +158,7 @@ def play_on(
     attempt = Attempt(spec.name, 1, "")
     observer.notify(SceneStarted(spec))
     try:
-        end = session.play(spec, progress, replay, config)
+        end = session.play(spec, progress, replay, config, paused=paused)
         if log_to is not None:
             write_scene_log(log_to, attempt, f"{end.reason} after tick {end.tick}", session.new_output())
     except SimbevError as error:

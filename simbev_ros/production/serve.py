@@ -188,12 +188,12 @@ def serve_scenes(
         require_writable(dataset)
     queue = SceneQueue(OrderDrawer(scenario, dataset, observer).draw)
     with ExitStack() as held:
-        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
+        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros, serves=True)
         held.callback(graph.close)
         session = graph.session_for(scenario)
         observer.notify(GraphStarted(session.domain, session.security_variables))
-        held.enter_context(scene_services(queue, session.domain, ros))
-        while True:
+        held.enter_context(scene_services(queue, scenario, session.domain, ros, recorded=dataset is not None))
+        while not queue.is_quitting:
             ordered = queue.take(0.0)
             if ordered is None:
                 graph.wait(_IDLE_S)
@@ -255,7 +255,9 @@ def _play(
             require_free_stations(scenario, [spec])
             session = graph.session_for(scenario)
             try:
-                end = play_on(session, spec, observer, on_tick=follow, config=scenario, log_to=dataset)
+                end = play_on(
+                    session, spec, observer, on_tick=follow, config=scenario, log_to=dataset, paused=ordered.paused
+                )
             except SimbevError:
                 graph.close()
                 raise

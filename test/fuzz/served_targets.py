@@ -240,7 +240,7 @@ def mutate_order(sample: bytes, rng: Random) -> bytes:
 
 @cache
 def _running() -> RunningScene:
-    return RunningScene(made_up_spec(SENSORS), None, 0)  # type: ignore[arg-type]
+    return RunningScene(made_up_spec(SENSORS), None, 0, None, None)  # type: ignore[arg-type]
 
 
 def _change_weather(data: bytes) -> None:

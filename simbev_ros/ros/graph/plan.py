@@ -71,6 +71,7 @@ def plan_processes(
     figures: Path | None = None,
     rendering: Rendering | None = None,
     cores: int = 1,
+    serves: bool = False,
 ) -> list[ProcessPlan]:
     """Plan every process of the graph, the world first.
 
@@ -82,6 +83,7 @@ def plan_processes(
         figures: Folder for the figures of evaluators; None: only those that are asked for are written.
         rendering: How cameras render; None: as configured.
         cores: Number of CPU cores; with few of them, more nodes share a process.
+        serves: Whether the world answers to simulation_interfaces.
     """
     drawing = {"rendering": (rendering or scenario.rendering).model_dump_json()}
     behind = list(_processes_behind_world(scenario, camera_processes, drawing, live=live, dataset=dataset, cores=cores))
@@ -97,6 +99,7 @@ def plan_processes(
         "state_readers": state_readers,
         "window_ticks": _window_ticks(scenario, cores),
         "max_real_time_factor": scenario.graph.real_time_factor(live=live),
+        **({"serves": True} if serves else {}),
     }
     return [(NodePlan("world", "world", parameters),), *behind]
 

@@ -69,11 +69,12 @@ class OrderedScene:
         phase: What happens to it.
         tick: The last tick that all nodes have finished; negative before the first one.
         outcome: How it ended.
+        paused: Whether the world waits before its first tick.
         stop_reason: Reason to end it early; None: play it to its end.
     """
 
-    def __init__(self, scenario: Scenario, spec: SceneSpec) -> None:
-        self.scenario, self.spec = scenario, spec
+    def __init__(self, scenario: Scenario, spec: SceneSpec, *, paused: bool = False) -> None:
+        self.scenario, self.spec, self.paused = scenario, spec, paused
         self.phase, self.tick = Phase.WAITING, -1
         self.outcome: Future[Outcome] = Future()
         self.stop_reason: str | None = None
@@ -102,6 +103,10 @@ class SceneQueue:
     Args:
         draw: Draws the scene of an order, or raises SimbevError. It is called in the thread that orders, for one order
             at a time.
+
+    Attributes:
+        latest: The scene that was taken last; None: none was, or its world was unloaded.
+        is_quitting: Whether the graph shall end.
     """
 
     def __init__(self, draw: Callable[[SceneOrder], tuple[Scenario, SceneSpec]]) -> None:
@@ -109,26 +114,41 @@ class SceneQueue:
         self._waiting: deque[OrderedScene] = deque()
         self._current: OrderedScene | None = None
         self._drawing, self._changed = threading.Lock(), threading.Condition()
-        self._closed = False
+        self._closed = self.is_quitting = False
+        self.latest: OrderedScene | None = None
 
-    def order(self, order: SceneOrder, *, interrupt: bool) -> OrderedScene:
+    @property
+    def active(self) -> OrderedScene | None:
+        """The scene that is being played, or else the next one."""
+        with self._changed:
+            scenes = [each for each in (self._current, *self._waiting) if each is not None]
+        return next((each for each in scenes if not each.outcome.done()), None)
+
+    def order(self, order: SceneOrder, *, interrupt: bool, paused: bool = False) -> OrderedScene:
         """Draw a scene and add it to the queue.
 
         Args:
             order: What is asked for.
             interrupt: Whether the scene that is being played ends, and waiting ones are dropped.
+            paused: Whether the world waits before the first tick.
 
         Raises:
             SimbevError: It cannot be drawn, or the queue is full or closed; the message says why.
         """
         with self._drawing:
             scenario, spec = self._draw(order)
-        scene = OrderedScene(scenario, spec)
+        return self._add(OrderedScene(scenario, spec, paused=paused), interrupt=interrupt)
+
+    def repeat(self, scene: OrderedScene, *, paused: bool) -> OrderedScene:
+        """Add a scene again in place of all others; arguments and errors as for ``order``."""
+        return self._add(OrderedScene(scene.scenario, scene.spec, paused=paused), interrupt=True)
+
+    def _add(self, scene: OrderedScene, *, interrupt: bool) -> OrderedScene:
         with self._changed:
             if self._closed:
                 raise SimbevError("the graph is about to end")
             if interrupt:
-                self._end_all(f"{spec.name} was asked for instead")
+                self._end_all(f"{scene.spec.name} was asked for instead")
             if len(self._waiting) >= _MAX_WAITING:
                 raise SimbevError(f"{_MAX_WAITING} scenes are waiting already")
             self._waiting.append(scene)
@@ -143,11 +163,23 @@ class SceneQueue:
                 while self._waiting:
                     scene = self._waiting.popleft()
                     if scene.stop_reason is None:
-                        self._current = scene
+                        self._current = self.latest = scene
                         return scene
                     scene.finish(Outcome(success=False, message=scene.stop_reason))
                 if not self._changed.wait(timeout_s):
                     return None
+
+    def end_all(self, reason: str) -> None:
+        """Drop the scenes that wait, and let the current one end."""
+        with self._changed:
+            self._end_all(reason)
+
+    def quit(self) -> None:
+        """Let the graph end, with the current scene."""
+        with self._changed:
+            self.is_quitting = self._closed = True
+            self._end_all("the graph was told to quit")
+            self._changed.notify()
 
     def close(self) -> None:
         """Refuse further orders, and end those that wait."""

@@ -15,11 +15,14 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError, SimbevError, foreign_content
 from simbev_ros.foundation.installation.message_packages.installer import describe_remedy
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.conventions.names import NamespacedNode, NodeName, ros_name
+from simbev_ros.ros.conventions.simulation_interfaces import has_simulation_interfaces
 from simbev_ros.ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
+from simbev_ros.ros.graph.simulation_services import SimulationServices
 
 LOAD_SCENE, RUN_SCENE = "/world/load_scene", "/world/run_scene"
 _NODE = "scenes"
@@ -44,19 +47,25 @@ def require_interfaces() -> None:
 
 
 @contextmanager
-def scene_services(queue: SceneQueue, domain: int, ros: RosArguments = PLAIN) -> Iterator[None]:
-    """Offer service and action for as long as the context is open.
+def scene_services(
+    queue: SceneQueue, scenario: Scenario, domain: int, ros: RosArguments = PLAIN, *, recorded: bool = False
+) -> Iterator[None]:
+    """Offer service and action, and those of simulation_interfaces, for as long as the context is open.
 
     Args:
         queue: Where ordered scenes go.
+        scenario: The configuration of the graph.
         domain: ROS domain of the graph.
         ros: ROS arguments of all nodes of the graph.
+        recorded: Whether scenes are recorded.
     """
     context = Context()
     no_handlers = SignalHandlerOptions.NO
     rclpy.init(args=ros.for_nodes, context=context, domain_id=domain, signal_handler_options=no_handlers)
     node = NamespacedNode(NodeName(_NODE, graph=ros.namespace), context=context)
-    server = _SceneServer(node, queue)
+    servers: list[Any] = [_SceneServer(node, queue)]
+    if has_simulation_interfaces():
+        servers.append(SimulationServices(node, ReentrantCallbackGroup(), queue, scenario, recorded=recorded))
     executor = MultiThreadedExecutor(_THREADS, context=context)
     executor.add_node(node)
 
@@ -70,7 +79,8 @@ def scene_services(queue: SceneQueue, domain: int, ros: RosArguments = PLAIN) ->
         yield
     finally:
         queue.close()  # ends the callbacks that wait for a scene
-        server.close()
+        for server in servers:
+            server.close()
         executor.shutdown()
         thread.join()
         node.destroy_node()

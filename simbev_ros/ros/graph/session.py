@@ -20,6 +20,7 @@ from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.ros.conventions.simulation_interfaces import has_simulation_interfaces
 from simbev_ros.ros.graph.domain import DomainLock
 from simbev_ros.ros.graph.driver import DRIVER, dispensable_driver, driver_commands
 from simbev_ros.ros.graph.environment import graph_environment
@@ -61,6 +62,7 @@ class GraphSession:
         exposure: Who can take part in the graph.
         rendering: Devices and processes that render, in place of the configuration's, which is recorded all the same.
         ros: ROS arguments of all nodes, and the graph's namespace.
+        serves: Whether other nodes steer the graph, also through simulation_interfaces if it is installed.
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
@@ -78,12 +80,13 @@ class GraphSession:
         exposure: Exposure = LOCAL,
         rendering: Rendering | None = None,
         ros: RosArguments = PLAIN,
+        serves: bool = False,
     ) -> None:
         ros.require_valid()
         self._ros = ros
         self._scenario, self._exposure = scenario, exposure
         self._rendering = rendering or scenario.rendering
-        self._live = live
+        self._live, self._serves = live, serves and has_simulation_interfaces()
         self._dataset = dataset
         self._lock = DomainLock(domain, ros.namespace)
         self.domain = self._lock.domain
@@ -168,6 +171,7 @@ class GraphSession:
             figures=self._resources.folder,
             rendering=self._rendering,
             cores=usable_cores(),
+            serves=self._serves,
         )
 
     def can_play(self, scenario: Scenario) -> bool:
@@ -175,7 +179,13 @@ class GraphSession:
         return scenario.graph == self._scenario.graph and _comparable(self._plan(scenario)) == _comparable(self._plans)
 
     def play(
-        self, spec: SceneSpec, progress: Progress, replay: Path | None = None, config: Scenario | None = None
+        self,
+        spec: SceneSpec,
+        progress: Progress,
+        replay: Path | None = None,
+        config: Scenario | None = None,
+        *,
+        paused: bool = False,
     ) -> SceneEnd:
         """Play a scene to its end and return the end.
 
@@ -184,6 +194,7 @@ class GraphSession:
             progress: Called several times per second.
             replay: A bag to take all motion from; None: motion is simulated.
             config: The scene's configuration, if it is not that of the graph.
+            paused: Whether the world waits before the first tick.
 
         Raises:
             InputError: A node cannot do what is configured, or not on this machine; the message says what to change.
@@ -193,7 +204,7 @@ class GraphSession:
         self._loading = LoadingWatch(time.monotonic(), self._scenario.graph.silence_timeout_s)
         path = None if replay is None else str(replay.resolve())
         text = None if config is None else config.as_yaml()
-        self.monitor.request(SceneRequest(spec=spec, replay=path, config=text))
+        self.monitor.request(SceneRequest(spec=spec, replay=path, config=text, paused=paused))
         self._is_driven = self._driver is not None
         while (end := self.monitor.end) is None or not self._finished(end.tick):
             tick = self._finished_tick()

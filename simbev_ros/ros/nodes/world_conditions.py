@@ -12,9 +12,10 @@ from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.structured_text import parse_yaml
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_datum
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.draw_weather import draw_weather
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import SignalState
+from simbev_ros.schema.scene.state import SignalState, WorldState
 from simbev_ros.simulation.world.source import StateSource
 
 SET_WEATHER, HOLD_SIGNAL = "/world/set_weather", "/world/hold_signal"
@@ -23,11 +24,13 @@ _MAX_TRANSITION_S = 3600.0
 
 
 class RunningScene(NamedTuple):
-    """The scene that runs, where its states come from, and its next tick."""
+    """The scene that runs, where its states come from, its next tick, its roads, and its latest state."""
 
     spec: SceneSpec
     source: StateSource
     next_tick: int
+    network: RoadNetwork
+    state: WorldState | None
 
 
 class ConditionServices:

@@ -5,8 +5,7 @@ clock says so (live).
 """
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,6 @@ from simbev_ros.ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS, CommandKind
 from simbev_ros.ros.msgs.world import (
     MAP_FRAME,
-    QuaternionSigns,
     actors_message,
     agent_odometry,
     building_lights_message,
@@ -49,13 +47,15 @@ from simbev_ros.ros.msgs.world import (
 )
 from simbev_ros.ros.nodes.command_queue import CommandQueue
 from simbev_ros.ros.nodes.driver_reports import DriverReports
+from simbev_ros.ros.nodes.entity_services import EntityServices
 from simbev_ros.ros.nodes.graph_node import GraphNode
+from simbev_ros.ros.nodes.loaded_scene import RUN_STATUS, LoadedScene, run_status
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.pacer import Pacer
 from simbev_ros.ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.ros.nodes.world_conditions import ConditionServices, RunningScene
 from simbev_ros.ros.nodes.world_displays import WorldDisplays
-from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
+from simbev_ros.scene.ending import SceneEndDetector
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.request import SceneRequest, SceneStop
@@ -63,7 +63,7 @@ from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.drive_tables import ProgressTables, route_table, status_table
 from simbev_ros.schema.scene.lights import street_lights
 from simbev_ros.schema.scene.map_spec import MapSpec
-from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
+from simbev_ros.schema.scene.spec import scene_number_of
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.replay.replay import Replay
 from simbev_ros.simulation.world.driving.driven_vehicle import COMMAND_TIMEOUT_S
@@ -72,43 +72,6 @@ from simbev_ros.simulation.world.source import StateSource
 
 _CLOCK_PERIOD_S = 0.1
 """Wall time between messages on /clock while the world is paused."""
-
-
-@dataclass
-class _LoadedScene:
-    """A scene that is loaded, plays or has ended.
-
-    Attributes:
-        request: The request for the scene.
-        views: The agents' views of it.
-        source: Simulation or replay that computes its states.
-        ending: Decides when the scene ends.
-        displays: Publishes displays that have subscribers.
-        progress: Progress of the first agent along its route; None: it has none.
-        queues: Commands to the vehicles of agents, by the agents' names.
-        signs: Signs of the agents' rotations.
-        end: How the scene has ended; None: it has not.
-    """
-
-    request: SceneRequest
-    views: tuple[AgentView, ...]
-    source: StateSource
-    ending: SceneEndDetector
-    displays: WorldDisplays
-    progress: ProgressTables | None
-    queues: dict[str, CommandQueue]
-    signs: QuaternionSigns = field(default_factory=QuaternionSigns)
-    end: SceneEnd | None = None
-
-    @property
-    def spec(self) -> SceneSpec:
-        """Specification of the scene."""
-        return self.request.spec
-
-    @property
-    def vehicles(self) -> Mapping[str, int | None]:
-        """Index in ``spec.vehicles`` of each agent's vehicle; None for roadside units."""
-        return {view.agent: view.spec.vehicle for view in self.views}
 
 
 class WorldNode(GraphNode):
@@ -134,7 +97,7 @@ class WorldNode(GraphNode):
             "max_real_time_factor", 0.0, "Simulated time per wall time is at most this; 0: unlimited", minimum=0.0
         )
         self._pacer = Pacer(1.0 if self.live else max_factor)
-        self._scene: _LoadedScene | None = None
+        self._scene: LoadedScene | None = None
         self._networks = LatestValue[MapSpec, RoadNetwork]()
         self._commands: dict[str, Any] = {}
         self._driver_reports = DriverReports()
@@ -149,6 +112,9 @@ class WorldNode(GraphNode):
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         ConditionServices(self, self._running)
+        if self.declare_read_only("serves", False, "It answers to simulation_interfaces"):
+            EntityServices(self, self._running)
+            self.create_service(Trigger, RUN_STATUS, self._describe_run)
         self.create_wall_timer(0.005 if self._pacer.max_real_time_factor else 0.02, self.advance)
         self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
 
@@ -164,13 +130,17 @@ class WorldNode(GraphNode):
             source, displays = self._load(request, views)
         ending = SceneEndDetector(request.spec, source.available)
         progress = None if request.spec.drive is None else ProgressTables(request.spec.drive.route)
-        self._scene = _LoadedScene(request, views, source, ending, displays, progress, self._queues(views))
+        network = self._networks.get(request.spec.map, lambda: load_network(request.spec.map))
+        self._scene = LoadedScene(request, views, source, ending, displays, progress, self._queues(views), network)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
-            source.step()
+            self._scene.state = source.step()
         self._next_tick = -request.spec.lead_in_ticks
         self._driver_reports.start_scene(request.spec.number)
         self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
+        if request.paused:
+            self._pacer.pause(True)
+            self.report_finished(request.spec, request.spec.loaded_tick)  # otherwise it would seem to be stuck
         self._end_if_asked()
         self.get_logger().info(f"scene {request.spec.name} is loaded")
 
@@ -279,7 +249,7 @@ class WorldNode(GraphNode):
         while scene is not None and self._may_start_tick(scene):
             self._tick(scene)
 
-    def _may_start_tick(self, scene: _LoadedScene) -> bool:
+    def _may_start_tick(self, scene: LoadedScene) -> bool:
         if scene.end is not None:
             return False
         if self._next_tick == -scene.spec.lead_in_ticks and not self._connected():
@@ -295,13 +265,13 @@ class WorldNode(GraphNode):
         recorded = not self._recorded or self.reader_count(topics.EVENTS) > 0
         return recorded and all(self.reader_count(name) >= self._state_readers for name in names)
 
-    def _tick(self, scene: _LoadedScene) -> None:
+    def _tick(self, scene: LoadedScene) -> None:
         with self.meter.busy():
             with self.meter.part("simulate"):
                 for agent, queue in scene.queues.items():
                     for command in queue.take(self._next_tick):
                         scene.source.follow_command(scene.vehicles[agent] or 0, command)
-                state = scene.source.step()
+                scene.state = state = scene.source.step()
                 scene.end = scene.ending.end_at(state)
             if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
                 self.publish(topics.END, String(data=signed_json(scene.end, self.signer)))
@@ -311,7 +281,7 @@ class WorldNode(GraphNode):
         self._log_progress(scene)
         self._next_tick += 1
 
-    def _log_progress(self, scene: _LoadedScene) -> None:
+    def _log_progress(self, scene: LoadedScene) -> None:
         """Log the first tick of a scene and its end."""
         if self._next_tick == 0:
             self.get_logger().info(f"scene {scene.spec.name} starts: {scene.spec.ticks} ticks")
@@ -323,7 +293,7 @@ class WorldNode(GraphNode):
         if self._pacer.paused and self._scene is not None and self._scene.end is None:
             self.publish(topics.CLOCK, self._now)
 
-    def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
+    def _publish_state(self, scene: LoadedScene, state: WorldState) -> None:
         for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
         self._now = Clock(clock=time_message(state.stamp_ns))
@@ -374,10 +344,17 @@ class WorldNode(GraphNode):
             self.publish(topics.CLOCK, self._now)  # before any message with an earlier stamp: listeners clear buffers
         return response
 
+    def _describe_run(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        response.message = run_status(self._scene, self._next_tick, self._pacer.paused, self._lockstep)
+        return response
+
     def _running(self) -> RunningScene | None:
         """The scene that runs; None if none has been loaded, or it has ended."""
         scene = self._scene
-        return None if scene is None or scene.end else RunningScene(scene.spec, scene.source, self._next_tick)
+        if scene is None or scene.end is not None:
+            return None
+        return RunningScene(scene.spec, scene.source, self._next_tick, scene.network, scene.state)
 
     def _refusal(self) -> str | None:
         """Why the scene can neither be stepped nor restarted; None if it can."""

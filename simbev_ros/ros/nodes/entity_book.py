@@ -1,0 +1,91 @@
+"""Names and descriptions of the entities of a running scene, which tables do not have."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.foundation.types import Table
+from simbev_ros.scene.blueprints import Blueprint, load_blueprints
+from simbev_ros.schema.scene.agents import AgentView
+from simbev_ros.schema.scene.state import Behavior
+
+OBJECT, ROBOT, HUMAN, DYNAMIC_OBJECT, STATIC_OBJECT = 0, 1, 2, 4, 5
+"""Categories, with the numbers of simulation_interfaces/msg/EntityCategory."""
+_CATEGORIES = {"pedestrian": HUMAN, "rider": HUMAN, "vehicle": DYNAMIC_OBJECT, "trailer": DYNAMIC_OBJECT}
+
+
+@dataclass(frozen=True, slots=True)
+class EntityFacts:
+    """What an entity is: its category, a description and tags."""
+
+    category: int
+    description: str
+    tags: tuple[str, ...]
+
+
+class EntityBook:
+    """Names and facts in one scene.
+
+    Vehicles of agents have the names of these, other actors that of their model and their id: ``vehicle.sedan_12``.
+    """
+
+    def __init__(self, views: Iterable[AgentView]) -> None:
+        """Start a scene with agents."""
+        self.agents = {view.ego_id: view.agent for view in views if view.vehicle is not None}
+        self._names = dict(self.agents)
+        self._facts: dict[int, EntityFacts] = {}
+        self._spawned: set[int] = set()
+
+    def name_spawned(self, actor: int, name: str) -> None:
+        """Give a spawned actor its name."""
+        self._names[actor] = name
+        self._spawned.add(actor)
+
+    def forget(self, actor: int) -> None:
+        """Forget a deleted actor; its name can be given again."""
+        self._names.pop(actor, None)
+        self._facts.pop(actor, None)
+
+    def describe(self, actor: int, facts: EntityFacts) -> None:
+        """Set what an entity is."""
+        self._facts[actor] = facts
+
+    def named_rows(self, actors: Table) -> dict[str, Table]:
+        """Rows of (N,) ``ACTOR_DTYPE`` by name; riders and what is towed are parts of their vehicles."""
+        return {self._name(row): row for row in self._entities(actors)}
+
+    def facts(self, row: Table) -> EntityFacts:
+        """What an entity with this row is."""
+        if (facts := self._facts.get(int(row["id"]))) is not None:
+            return facts
+        model, actor = load_blueprints()[int(row["blueprint"])], int(row["id"])
+        category = ROBOT if actor in self.agents else _CATEGORIES.get(model.kind, STATIC_OBJECT)
+        words = [model.kind, model.box_class, *model.name.split(".")[1:]]
+        words += [word for word, holds in self._marks(row) if holds]
+        return EntityFacts(category, describe_model(model), tuple(dict.fromkeys(filter(None, words))))
+
+    def _marks(self, row: Table) -> Sequence[tuple[str, bool]]:
+        behavior = int(row["behavior"])
+        return (
+            ("agent", int(row["id"]) in self.agents),
+            ("spawned", int(row["id"]) in self._spawned),
+            ("parked", bool(behavior & Behavior.PARKED)),
+            ("sitting", bool(behavior & Behavior.SITTING)),
+        )
+
+    def _entities(self, actors: Table) -> Iterator[Table]:
+        is_towed = np.array([each.kind == "trailer" for each in load_blueprints()])[actors["blueprint"]]
+        is_towed &= (actors["behavior"] & Behavior.PARKED == 0) & ~np.isin(actors["id"], sorted(self._spawned))
+        yield from actors[(actors["parent"] == 0) & ~is_towed]
+
+    def _name(self, row: Table) -> str:
+        actor = int(row["id"])
+        return self._names.get(actor) or f"{load_blueprints()[int(row['blueprint'])].name}_{actor}"
+
+
+def describe_model(model: Blueprint) -> str:
+    """A model in words."""
+    length_m, width_m, height_m = model.size_m
+    name = " ".join(model.name.split(".")[1:]).replace("_", " ")
+    return f"{model.kind} {name}, {length_m:.2f} m x {width_m:.2f} m x {height_m:.2f} m"

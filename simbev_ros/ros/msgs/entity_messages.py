@@ -99,7 +99,7 @@ def name_pattern(text: str) -> re.Pattern[str]:
     try:
         return re.compile(translated)
     except (re.error, OverflowError) as error:
-        raise Refused("RESULT_OPERATION_FAILED", f"filter: is no regular expression: {error}") from None
+        raise Refused("RESULT_OPERATION_FAILED", f"filter: is not a regular expression: {error}") from None
 
 
 def overlapping(rows: Table, bounds: Any) -> list[bool]:

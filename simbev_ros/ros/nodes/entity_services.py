@@ -311,5 +311,5 @@ def _model_of(resource: Any) -> Blueprint:
 def _prefix_of(namespace: str) -> str:
     """What a namespace puts before a name."""
     if namespace and not _NAMESPACE.fullmatch(namespace):
-        raise Refused("NAMESPACE_INVALID", f"entity_namespace: {namespace!r:.80} is no namespace of ROS")
+        raise Refused("NAMESPACE_INVALID", f"entity_namespace: {namespace!r:.80} is not a namespace of ROS")
     return f"{namespace.strip('/')}/" if namespace else ""

@@ -1,5 +1,9 @@
 """simulation_interfaces in a running graph: worlds, states, steps, entities in every sensor and label, and the bag."""
 
+import ast
+import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from commands import SCENE, Command, Simbev, write_small
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
@@ -231,3 +236,45 @@ def test_entities_are_in_every_sensor_label_and_bag_and_equal_calls_give_equal_b
     code, output = simbev("replay", tmp_path / "a" / SCENE, config, "--out", tmp_path / "replayed").finish()
     assert code == 0, output
     assert digests(tmp_path / "replayed") == digests(tmp_path / "a")
+
+
+PAGE = (Path(__file__).parents[3] / "docs/guide/simulation-interfaces.md").read_text(encoding="utf-8")
+
+
+def with_fields(message: Any, values: dict[str, Any]) -> Any:
+    """A message with the fields of a mapping, as ``ros2`` fills it in."""
+    for name, value in values.items():
+        given = with_fields(getattr(message, name), value) if isinstance(value, dict) else value
+        setattr(message, name, given)
+    return message
+
+
+def test_the_commands_of_the_page_work_as_printed(simbev: Simbev, tmp_path: Path) -> None:
+    starts, calls = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
+    (script,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "client.py").write_text(script)
+    config = write_small(tmp_path, 600, name="my.yaml", without=["camera", "lidar", "radar"])
+    assert starts == "./simbev run my.yaml --serve\n"
+    command = simbev("run", config, "--serve")
+    with client_of(command) as client:
+        for name, kind, text in re.findall(
+            r'^ros2 service call (\S+) simulation_interfaces/srv/(\S+) "(.*)"$', calls, re.M
+        ):
+            assert name == service_name(kind)
+            request = with_fields(getattr(srv, kind).Request(), yaml.safe_load(text))
+            client.ok(kind, **{field: getattr(request, field) for field in request.get_fields_and_field_types()})
+        goal = re.search(r'/simulate_steps simulation_interfaces/action/SimulateSteps "(.*)"$', calls, re.M)
+        assert goal is not None
+        assert client.step_action(**yaml.safe_load(goal[1])) == (OK, list(range(1, 21)))
+        done = subprocess.run(
+            [sys.executable, tmp_path / "client.py"],
+            env=command.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        names = ast.literal_eval(done.stdout)
+        assert names[0] == "ego" and "van" in names
+        client.set_state(QUITTING)

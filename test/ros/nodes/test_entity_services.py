@@ -159,7 +159,7 @@ def test_entities_are_filtered_by_overlap(scene: Scene) -> None:
 @pytest.mark.parametrize(
     ("filters", "words"),
     [
-        ({"filter": "("}, "filter: is no regular expression: missing ), unterminated subpattern at position 0"),
+        ({"filter": "("}, "filter: is not a regular expression: missing ), unterminated subpattern at position 0"),
         ({"filter": "(a+)+$"}, "filter: has too many repetitions, or one within another"),
         ({"filter": "a*b*c*d*e*"}, "filter: has too many repetitions, or one within another"),
         ({"filter": "a" * 300}, "filter: is longer than 200 characters"),
@@ -265,7 +265,7 @@ REFUSED_SPAWNS: list[tuple[dict[str, Any], str, str]] = [
         "UNSUPPORTED_FORMAT",
         "entity_resource: 'a.sdf' is a file; name a model",
     ),
-    ({"entity_namespace": "1a"}, "NAMESPACE_INVALID", "entity_namespace: '1a' is no namespace of ROS"),
+    ({"entity_namespace": "1a"}, "NAMESPACE_INVALID", "entity_namespace: '1a' is not a namespace of ROS"),
     ({"initial_pose": pose(np.nan)}, "INVALID_POSE", "pose: has numbers that are not finite"),
     ({"initial_pose": pose(w=0.5)}, "INVALID_POSE", "pose.orientation: has length 0.5; must be 1"),
     ({"initial_pose": pose(1e7)}, "INVALID_POSE", "pose.position: 1e+07, 0, 0 is far from the map"),

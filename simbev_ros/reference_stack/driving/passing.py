@@ -15,7 +15,7 @@ from simbev_ros.reference_stack.driving.route_line import RouteLine
 _STANDING_MPS, _TRY_S = 0.2, 0.5
 _CHANGE, _ASIDE = (6.0, 7.5), (1.0, 1.0)  # time to wait and gap to swing out, to another lane and partly
 _CHANGE_BACK_M, _ASIDE_BACK_M = (25.0, 14.0), (14.0, 7.0)  # along the route back from there
-_ASIDE_M, _STEP_M = 1.0, 0.05  # to the side: maximum of what is no change of lanes, and more than what is in the path
+_ASIDE_M, _STEP_M = 1.0, 0.05  # to the side: maximum without a change of lanes, and margin beyond what is in the path
 _QUEUE_M = 12.0  # gap up to which one waits for the other
 _SEEN_M, _NEAR_M = 80.0, 45.0  # ahead: what is looked at, and what is passed
 _KEEP_M = 10.0  # before what stands, for room to swing out

@@ -122,7 +122,7 @@ class Accounting:
         self._manifest = manifest
         self._start_ns, self._tick_ns, self._ticks = start_ns, tick_ns, ticks
         self._sporadic = {topic: 0 for topic, schedule in manifest.items() if schedule.sporadic}
-        self._announced: Mapping[str, int] = {}
+        self._announced: dict[str, int] = {}
         self._due = {topic: schedule.due(ticks) for topic, schedule in manifest.items()}
         self._missing = {topic: set(due) for topic, due in self._due.items()}
         self._num_awaited = [0] * ticks
@@ -160,11 +160,16 @@ class Accounting:
             ticks: Number of ticks of the whole scene.
             sporadic: Total number of messages of sporadic topics; for topics not given, the messages that have arrived.
         """
-        self._ticks, self._announced = ticks, sporadic or {}
+        self._ticks, self._announced = ticks, dict(sporadic or {})
         for topic, schedule in self._manifest.items():
             self._due[topic] = self._due[topic][: len(schedule.due(ticks))]
             self._missing[topic].intersection_update(self._due[topic])
         self._num_awaited = self._num_awaited[:ticks]
+
+    def announce(self, topic: str, messages: int) -> None:
+        """Announce the total number of messages of a sporadic topic, once the end is known."""
+        if topic in self._sporadic:
+            self._announced[topic] = messages
 
     @property
     def is_finished(self) -> bool:

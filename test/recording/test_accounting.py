@@ -184,3 +184,17 @@ def test_a_scene_is_finished_when_the_announced_events_have_arrived() -> None:
     assert account.report().problems() == ["/events: 1 of 2 messages"]
     account.add_message("/events", stamp(0))
     assert account.is_finished and account.report().complete
+
+
+def test_events_that_are_announced_after_the_end_are_awaited_by_topic() -> None:
+    schedules = {"/a": Schedule(), "/events": Schedule(sporadic=True), "/drive": Schedule(sporadic=True)}
+    account = Accounting(schedules, start_ns=START_NS, tick_ns=TICK_NS, ticks=6)
+    account.add_message("/a", stamp(0))
+    account.end_at(1)
+    account.announce("/events", 2)
+    account.announce("/drive", 0)
+    account.announce("/a", 3)
+    assert not account.is_finished
+    account.add_message("/events", stamp(0))
+    account.add_message("/events", stamp(0))
+    assert account.is_finished and account.report().complete

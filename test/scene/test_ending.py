@@ -46,3 +46,18 @@ def test_standing_in_the_warm_up_does_not_count() -> None:
 def test_without_a_limit_a_scene_ends_with_its_last_tick(ticks: int, reason: str) -> None:
     end = play(watch(None, ticks, reason), *[0.0] * ticks)
     assert end == SceneEnd(scene="Blocks-0004", tick=ticks - 1, reason=reason, events=ticks)
+
+
+def test_the_end_of_a_drive_says_that_the_referee_has_a_last_score() -> None:
+    drive, done = SimpleNamespace(end_at=lambda *_: None), SimpleNamespace(end_at=lambda *_: ("goal", "at the goal"))
+    ego = {"vx": 1.0, "vy": 0.0, "x": 0.0, "y": 0.0}
+    for rule, tick, is_judged in ((done, 7, True), (drive, 99, True), (None, 99, False)):
+        detector = watch(None)
+        detector._drive = rule  # type: ignore[assignment]
+        end = detector.end_at(SimpleNamespace(tick=tick, ego=ego, events=()))  # type: ignore[arg-type]
+        assert end is not None and end.judged is is_judged
+    stopped = watch(None)
+    stopped._drive = drive  # type: ignore[assignment]
+    stopped.end_soon("enough")
+    end = stopped.end_at(SimpleNamespace(tick=3, ego=ego, events=()))  # type: ignore[arg-type]
+    assert end is not None and not end.judged

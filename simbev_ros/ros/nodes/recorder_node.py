@@ -17,6 +17,7 @@ from std_msgs.msg import String
 
 from simbev_ros.config.scenario import Recording
 from simbev_ros.foundation.errors import DiskError
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.process_memory import return_freed_memory
 from simbev_ros.maps.build import load_source
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
@@ -91,6 +92,7 @@ class RecorderNode(GraphNode):
         self.close()
         self._spec = spec = SceneSpec.from_json(scene_json)
         self._end, self._lead_in, self._clock_ns = None, [], -1
+        self._score = (-1, b"")
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics)
         typed = typed_topics(spec) if "messages" in self._recording.forms else radar_scans(spec)
@@ -179,6 +181,8 @@ class RecorderNode(GraphNode):
             return
         if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
+        if topic == topics.DRIVE_SCORE:
+            self._score = stamp_ns, bytes(payload)
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and self._manifest[topic].sporadic:  # its tick has already been written
             self._writer.write(topic, stamp_ns, payload)
@@ -194,8 +198,8 @@ class RecorderNode(GraphNode):
         end = self.read_end(message)
         if end is not None and self._spec is not None and end.scene == self._spec.name:
             self._end = end
-            sporadic = [name for name, topic in self._manifest.items() if topic.sporadic]
-            self._accounting.end_at(end.tick + 1, dict.fromkeys(sporadic, end.events))
+            self._accounting.end_at(end.tick + 1)
+            self._accounting.announce(topics.EVENTS, end.events)
             self._finish_after_last(self._spec)
 
     def _write_until(self, spec: SceneSpec, writer: SceneBagWriter, last_tick: int) -> None:
@@ -225,13 +229,29 @@ class RecorderNode(GraphNode):
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Finish the bag if it contains the last tick and all events, which may arrive after their tick."""
-        if self._writer is None or self._end is None or not self._accounting.is_finished:
+        if self._writer is None or self._end is None or not self._has_last_score(spec, self._end):
+            return
+        if not self._accounting.is_finished:
             return
         self._add_tracks(self._writer)
         self._writer.finish(self._facts(spec))
         self._writer = self._spec = None
         self.get_logger().info(f"scene {spec.name} is recorded")
         self.report_finished(spec, self._end.tick + 1)
+
+    def _has_last_score(self, spec: SceneSpec, end: SceneEnd) -> bool:
+        """Whether the score at the end of a drive has arrived, if one is due; it tells the number of infractions.
+
+        Live, the referee may be late, and then leaves it out.
+        """
+        if not end.judged or self.live or topics.DRIVE_SCORE not in self._manifest:
+            return True
+        stamp_ns, payload = self._score
+        if stamp_ns != spec.stamp_ns(end.tick):
+            return False
+        if (infractions := self.read(topics.DRIVE_SCORE, _infractions, payload)) is not None:
+            self._accounting.announce(topics.DRIVE_EVENTS, infractions)
+        return True
 
     def _add_tracks(self, writer: SceneBagWriter) -> None:
         """Attach the actors' trajectories, which are complete when the scene is over."""
@@ -299,6 +319,12 @@ def _stamped(payload: bytes, topic: Topic, spec: SceneSpec, makers: Mapping[str,
     if stamp_ns is None or stamp_ns < spec.start_ns:
         return _Stamped(stamp_ns, message, {})
     return _Stamped(stamp_ns, message, {name: make(payload, stamp_ns) for name, make in makers.items()})
+
+
+def _infractions(payload: bytes) -> int:
+    """Number of infractions up to a score."""
+    counts: dict[str, int] = parse_json(bytes(text_of_string(memoryview(payload))))["infractions"]
+    return sum(counts.values())
 
 
 def _schedule(topic: Topic) -> Schedule:

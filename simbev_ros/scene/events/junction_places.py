@@ -1,7 +1,7 @@
 """Places for events in the junctions of a route: where the paths of others cross it or join it."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,16 +21,22 @@ _RING_M, _RING_EDGES = 260.0, 3
 _STRAIGHT_RAD, _OPPOSITE_RAD = 0.6, 2.6
 
 
+class _Junction(NamedTuple):
+    """A junction of a route: its lanes before and after it, its maneuver, and the rows of its points inside."""
+
+    entry: Lane
+    exit: Lane
+    command: Command
+    rows: slice
+
+
 class _Crossing(NamedTuple):
     """The path of a route and that of another vehicle through one junction.
 
     Attributes:
-        entry: The route's lane before the junction.
-        exit: The route's lane after it.
-        command: The route's maneuver.
-        other: The other's lane before the junction.
-        line_m: (K, 3) its path through it.
-        out: Its lane after it.
+        junction: The junction.
+        other: The other's lane before it.
+        out: The other's lane after it.
         at_m: Distance along the route where they meet.
         beyond_m: Distance of this point from the other's stop line.
         angle_rad: Angle between the two there.
@@ -38,11 +44,8 @@ class _Crossing(NamedTuple):
         turn_rad: Angle by which the other turns.
     """
 
-    entry: Lane
-    exit: Lane
-    command: Command
+    junction: _Junction
     other: Lane
-    line_m: Float64Array
     out: Lane
     at_m: float
     beyond_m: float
@@ -54,140 +57,111 @@ class _Crossing(NamedTuple):
 def red_light(route: RouteLine) -> Iterator[Place]:
     """Junctions with traffic lights for both, where the path of another one crosses at a steep angle."""
     signalled = {signal.lane for signal in route.network.signals}
-    yield from _places(
-        route,
-        lambda way: (
-            {way.entry.id, way.other.id} <= signalled
-            and 0.9 < way.angle_rad < 2.3
-            and 0.9 < way.towards_rad < 2.3
-            and way.turn_rad < _STRAIGHT_RAD
-        ),
-    )
+    for way in _crossings(route):
+        is_steep = 0.9 < way.angle_rad < 2.3 and 0.9 < way.towards_rad < 2.3
+        if {way.junction.entry.id, way.other.id} <= signalled and is_steep and way.turn_rad < _STRAIGHT_RAD:
+            yield _place(way)
 
 
 def left_turn(route: RouteLine) -> Iterator[Place]:
     """Left turns across the path of those who come from the opposite direction."""
-    yield from _places(
-        route,
-        lambda way: (
-            way.command is Command.LEFT
-            and way.towards_rad > _OPPOSITE_RAD
-            and way.turn_rad < _STRAIGHT_RAD
-            and way.out.edge != way.exit.edge
-        ),
-    )
+    for way in _crossings(route):
+        goes_on = way.towards_rad > _OPPOSITE_RAD and way.turn_rad < _STRAIGHT_RAD
+        if way.junction.command is Command.LEFT and goes_on and way.out.edge != way.junction.exit.edge:
+            yield _place(way)
 
 
 def merge(route: RouteLine) -> Iterator[Place]:
     """Junctions where another lane joins that of the route, except for roundabouts."""
-    yield from _places(
-        route,
-        lambda way: (
-            way.out.id == way.exit.id
-            and way.angle_rad < 1.0
-            and way.towards_rad < _OPPOSITE_RAD
-            and not _is_ring(way.out, route.network)
-        ),
-    )
+    for way in _crossings(route):
+        joins = way.out.id == way.junction.exit.id and way.angle_rad < 1.0 and way.towards_rad < _OPPOSITE_RAD
+        if joins and not _is_ring(way.out, route.network):
+            yield _place(way)
 
 
 def roundabout(route: RouteLine) -> Iterator[Place]:
     """Entries of roundabouts, with others on the ring."""
-    yield from _places(
-        route,
-        lambda way: (
-            _is_ring(way.exit, route.network)
-            and _is_ring(way.other, route.network)
-            and not _is_ring(way.entry, route.network)
-        ),
-    )
+    for way in _crossings(route):
+        inside = all(_is_ring(lane, route.network) for lane in (way.junction.exit, way.other))
+        if inside and not _is_ring(way.junction.entry, route.network):
+            yield _place(way)
 
 
 def right_turn(route: RouteLine) -> Iterator[Place]:
     """Turns to the outer side of the road, across the path of cyclists who go on at the edge of the same lane."""
-    for entry, exit_lane, command, rows in _junctions(route):
+    for junction in _junctions(route):
+        entry = junction.entry
         side = _outer_side(entry, route.network)
         outermost = min(
             (lane.index for lane in route.network.lanes_of_edge(entry.edge) if lane.kind is LaneKind.DRIVING),
             default=-1,
         )
-        turns = command is (Command.RIGHT if side < 0.0 else Command.LEFT)
+        turns = junction.command is (Command.RIGHT if side < 0.0 else Command.LEFT)
         if not turns or entry.index != outermost or "bicycle" not in entry.classes:
             continue
         for path in paths_beyond(entry, route.network.lanes):
             line_m = _line_m(route.network, path)
-            way = _meet(route, entry, exit_lane, command, rows, entry, _beside(line_m, side * _CYCLIST_M), path)
-            if way is not None and way.turn_rad < _STRAIGHT_RAD and way.out.edge != exit_lane.edge:
+            way = _meet(route, junction, entry, _beside(line_m, side * _CYCLIST_M), path)
+            if way is not None and way.turn_rad < _STRAIGHT_RAD and way.out.edge != junction.exit.edge:
                 yield _place(way)
 
 
-def _places(route: RouteLine, suits: Callable[[_Crossing], bool]) -> Iterator[Place]:
-    """Places at the crossings that suit, with others who start on lanes off the route."""
+def _crossings(route: RouteLine) -> Iterator[_Crossing]:
+    """Where the paths of others meet the route who start on lanes off it."""
     own = {route.network.lanes[name].edge for name in route.spec.lane}
-    for entry, exit_lane, command, rows in _junctions(route):
-        junction = route.network.lanes[route.spec.lane[rows.start]].junction
+    for junction in _junctions(route):
+        inside = route.network.lanes[route.spec.lane[junction.rows.start]].junction
         for other in route.network.lanes_of(LaneKind.DRIVING):
-            leads = any(route.network.lanes[name].junction == junction for name in other.successors)
+            leads = any(route.network.lanes[name].junction == inside for name in other.successors)
             if other.junction or not leads or other.edge in own or "passenger" not in other.classes:
                 continue
-            for path in paths_beyond(other, route.network.lanes):
-                line_m = _line_m(route.network, path)
-                way = _meet(route, entry, exit_lane, command, rows, other, line_m, path)
-                if way is not None and suits(way) and other.length_m > _MIN_START_M:
-                    yield _place(way)
+            for path in paths_beyond(other, route.network.lanes) if other.length_m > _MIN_START_M else ():
+                way = _meet(route, junction, other, _line_m(route.network, path), path)
+                if way is not None:
+                    yield way
 
 
 def _place(way: _Crossing) -> Place:
     """The place of a crossing."""
     back_m = min(_START_M, way.other.length_m - _MIN_START_M / 2.0)
-    if way.other is way.entry:
+    if way.other is way.junction.entry:
         back_m = min(_MIN_START_M, back_m)
     start = WaypointSpec(lane=way.other.id, s_m=way.other.length_m - back_m)
     return Place(way.at_m, start, (way.out.edge,), {"run_m": back_m + way.beyond_m})
 
 
-def _junctions(route: RouteLine) -> Iterator[tuple[Lane, Lane, Command, slice]]:
-    """Lanes before and after each junction of a route, the maneuver, and the rows of its points in the junction."""
+def _junctions(route: RouteLine) -> Iterator[_Junction]:
+    """The junctions of a route, except for those close to its start."""
     edges = np.flatnonzero(np.diff(route.in_junction.astype(np.int64)))
     for first in edges.tolist():
         is_entry = route.in_junction[first + 1] and route.station_m[first] > _MIN_APPROACH_M
         if is_entry and len(later := edges[edges > first]):
             rows = slice(first + 1, int(later[0]) + 1)
             entry, exit_lane = (route.network.lanes[route.spec.lane[row]] for row in (first, rows.stop))
-            yield entry, exit_lane, route.spec.command[(rows.start + rows.stop) // 2], rows
+            yield _Junction(entry, exit_lane, route.spec.command[(rows.start + rows.stop) // 2], rows)
 
 
 def _meet(
-    route: RouteLine,
-    entry: Lane,
-    exit_lane: Lane,
-    command: Command,
-    rows: slice,
-    other: Lane,
-    line_m: Float64Array,
-    path: tuple[str, ...],
+    route: RouteLine, junction: _Junction, other: Lane, line_m: Float64Array, path: tuple[str, ...]
 ) -> _Crossing | None:
     """Where a route first meets the path of another one in a junction; None: they do not meet."""
-    gap_m = np.linalg.norm(route.point_m[rows, None, :2] - line_m[None, :, :2], axis=2)
+    gap_m = np.linalg.norm(route.point_m[junction.rows, None, :2] - line_m[None, :, :2], axis=2)
     meets = np.flatnonzero(gap_m.min(axis=1) < _MEETS_M)
     if not len(meets):
         return None
-    row = rows.start + int(meets[0])
+    row = junction.rows.start + int(meets[0])
     number = min(int(gap_m[meets[0]].argmin()), len(line_m) - 2)
     yaws = np.arctan2(*np.diff(line_m[:, :2], axis=0).T[::-1])
     station_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m[:, :2], axis=0), axis=1))])
     return _Crossing(
-        entry,
-        exit_lane,
-        command,
+        junction,
         other,
-        line_m,
         route.network.lanes[path[-1]],
-        float(route.station_m[row]),
-        float(station_m[number]),
-        _angle(float(yaws[number]), float(route.yaw_rad[row])),
-        _angle(float(yaws[0]), float(route.yaw_rad[rows.start])),
-        _angle(float(yaws[0]), float(yaws[-1])),
+        at_m=float(route.station_m[row]),
+        beyond_m=float(station_m[number]),
+        angle_rad=_angle(float(yaws[number]), float(route.yaw_rad[row])),
+        towards_rad=_angle(float(yaws[0]), float(route.yaw_rad[junction.rows.start])),
+        turn_rad=_angle(float(yaws[0]), float(yaws[-1])),
     )
 
 

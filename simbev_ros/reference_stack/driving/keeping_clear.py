@@ -13,7 +13,7 @@ _STANDING_MPS, _SEEN_M = 0.1, 80.0
 _DOOR_M, _CLEAR_M, _BESIDE_M = 1.0, 1.6, 0.6  # an open door, the wanted distance, and what may be in the path
 _SIDEWAYS_MPS, _SLOPES, _LEAD_M = 0.3, (0.03, 0.12), 3.0  # to the side: speed, by distance; all the way so far before
 _STEP_M = 0.02
-_WARNING_S = 0.8  # from an opening door to the begin of braking, and half of the time until it is reached
+_BRAKED_S = 0.8  # time that an opening door leaves for braking, after the reaction
 
 
 class KeepingClear:
@@ -32,7 +32,7 @@ class KeepingClear:
         room_m = np.minimum.accumulate(room_m - run_m) + run_m
         room_m = np.minimum.accumulate((room_m + run_m)[::-1])[::-1] - run_m
         self._route, self._width_m, self._room_m = route, width_m, room_m
-        self._careful_mps = 2.0 * braking_mps2 * _WARNING_S
+        self._careful_mps = 2.0 * braking_mps2 * _BRAKED_S
         self._left_m, self._limit_mps, self._line = np.zeros_like(room_m), np.full_like(room_m, np.inf), route
 
     def line_at(self, distance_m: float, speed_mps: float, others: Others) -> RouteLine:

@@ -12,7 +12,7 @@ class SceneRequest(Model):
     spec: SceneSpec
     replay: str | None = Field(None, description="absolute path of the bag to replay; none: simulate the scene")
     config: str | None = Field(None, description="configuration as YAML, for the bag; none: the recorder's parameter")
-    paused: bool = Field(False, description="the world waits before the first tick")
+    paused: bool = Field(False, exclude_if=lambda value: not value, description="the world waits before the first tick")
     number: int = Field(0, ge=0, description="one more with each request of a graph: earlier ones do not count again")
 
 

@@ -25,7 +25,7 @@ WITHOUT_MANIFEST = {
     topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
     topics.READY: "std_msgs/msg/Header",
 }
-OF_ALL_NODES = {"start_type_description_service", "use_sim_time", "reliable"}
+OF_ALL_NODES = {"start_type_description_service", "use_sim_time", "reliable", "serves"}
 """Parameters that ROS adds to each node, or that nodes have which are started without them."""
 
 

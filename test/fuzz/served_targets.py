@@ -27,6 +27,7 @@ from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.reference_stack.scene import UsageError, read_scene
 from simbev_ros.ros.graph.scene_queue import SceneOrder
 from simbev_ros.ros.msgs.derived_messages import message_makers
+from simbev_ros.ros.msgs.entity_messages import name_pattern
 from simbev_ros.ros.msgs.tables import table_from_cdr
 from simbev_ros.ros.nodes.graph_node import MALFORMED, _specification
 from simbev_ros.ros.nodes.world_conditions import RunningScene, _parameters
@@ -255,6 +256,13 @@ def _change_weather(data: bytes) -> None:
         assert type(course.at(tick)).model_validate(course.at(tick).model_dump())
 
 
+def _find_names(data: bytes) -> None:
+    """Find names with the filter of a request, which must not take long."""
+    pattern = name_pattern(data.decode(errors="replace"))
+    for name in ("ego", "vehicle.sedan_12", "a" * 64, "ab" * 32, "_" * 64):
+        pattern.search(name)
+
+
 _INPUT = (InputError,)
 STACK_ERRORS = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
 """What the reference stack ignores a scene for."""
@@ -271,5 +279,6 @@ SERVED_TARGETS = (
     Target("drawn_boxes", _draw_boxes, (ValueError,)),
     Target("scene_order", _draw_order, _INPUT, mutate_order, examples=15),
     Target("weather_order", _change_weather, _INPUT, mutation.mutate_yaml),
+    Target("entity_filter", _find_names, _INPUT),
 )
 """Targets of what is answered or relayed."""

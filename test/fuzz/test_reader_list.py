@@ -18,7 +18,7 @@ PARSERS = {
 """Names of functions that parse content; with a dot if only the module's own function does."""
 ELSEWHERE = "simbev_ros/foundation/object_store"
 """Answers of stores, which have tests of their own: test_hostile_stores.py, test_object_lock.py."""
-NOT_PARSING = {"cache_file", "cache_folder", "lock", "client_requests", "report"}
+NOT_PARSING = {"cache_file", "cache_folder", "lock", "client_requests", "report", "entity_filter"}
 """Targets of content that is compared or passed on instead of parsed."""
 
 

@@ -7,6 +7,9 @@ from typing import Any
 
 from simbev_ros.foundation.errors import InputError, SimbevError, foreign_content
 
+RUN_STATUS, DELETE_SPAWNED = "/world/run_status", "/world/delete_spawned"
+"""Services of the world node, of type std_srvs/Trigger: the JSON of ``run_status``; the end of all spawned entities."""
+
 Act = Callable[[Any, Any], None]
 """Acts on a request and fills in the response, or raises ``Refused``."""
 

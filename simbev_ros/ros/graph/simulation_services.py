@@ -19,11 +19,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from simbev_ros.config.map_files import suffix_of
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.foundation.errors import InputError, SimbevError, foreign_content
 from simbev_ros.foundation.files.structured_text import parse_yaml
 from simbev_ros.maps.source import known_maps
 from simbev_ros.ros.conventions.names import ros_name
 from simbev_ros.ros.conventions.simulation_interfaces import (
+    DELETE_SPAWNED,
+    RUN_STATUS,
     Refused,
     answering,
     refused_result,
@@ -31,7 +33,6 @@ from simbev_ros.ros.conventions.simulation_interfaces import (
     tags_match,
 )
 from simbev_ros.ros.graph.scene_queue import OrderedScene, Phase, SceneOrder, SceneQueue
-from simbev_ros.ros.nodes.loaded_scene import RUN_STATUS
 
 _STOPPED, _PLAYING, _PAUSED, _QUITTING, _NO_WORLD, _LOADING = range(6)
 """Numbers of simulation_interfaces/msg/SimulationState."""
@@ -75,10 +76,7 @@ class SimulationServices:
             return node.create_client(kind, name, callback_group=group)
 
         self._pause, self._world_step = client(SetBool, "/world/pause"), client(Trigger, "/world/step")
-        self._status_client = client(Trigger, RUN_STATUS)
-        self._entities, self._deletion = (
-            client(getattr(self._types, kind), service_name(kind)) for kind in ("GetEntities", "DeleteEntity")
-        )
+        self._status_client, self._deletion = client(Trigger, RUN_STATUS), client(Trigger, DELETE_SPAWNED)
         self._action_type = import_module("simulation_interfaces.action").SimulateSteps
         self._action = ActionServer(
             node,
@@ -206,7 +204,7 @@ class SimulationServices:
         outcome, steps, done = self._action_type.Result(), goal.request.steps, 0
         outcome.result.result = outcome.result.RESULT_OK
         try:
-            with self._changing:
+            with self._changing, foreign_content("goal"):
                 self._require_paused()
                 while done < steps and not goal.is_cancel_requested:
                     self._step_once()
@@ -237,10 +235,7 @@ class SimulationServices:
             self._start_again("RESULT_OPERATION_FAILED", paused=state != _PLAYING)
             self._started = self._queue.active or self._started if state == _PAUSED else self._started
         elif scope & _SPAWNED and self._queue.active is not None:
-            request = self._types.GetEntities.Request()
-            request.filters.tags.tags = ["spawned"]
-            for name in self._call(self._entities, request).entities:
-                self._call(self._deletion, self._types.DeleteEntity.Request(entity=name))
+            self._call(self._deletion, Trigger.Request())
 
     # worlds
 
@@ -298,10 +293,10 @@ class SimulationServices:
 
     def _call(self, client: Any, request: Any) -> Any:
         """Call a service of the world node; return the answer."""
-        answered = threading.Event()
+        answered, is_there = threading.Event(), client.wait_for_service(_ANSWER_S)
         future = client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(_ANSWER_S):
+        if not is_there or not answered.wait(_ANSWER_S):
             client.remove_pending_request(future)
             raise SimbevError("the world node does not answer")
         return future.result()

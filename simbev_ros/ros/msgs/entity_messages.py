@@ -1,12 +1,11 @@
 """Entities as messages of simulation_interfaces: states, bounds and filters, from and to rows of the actors table."""
 
 import re
-from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
+from warnings import catch_warnings
 
 import numpy as np
-from geometry_msgs.msg import Vector3
 
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion, quaternion_from_rpy
 from simbev_ros.foundation.types import Float64Array, Table
@@ -16,17 +15,9 @@ from simbev_ros.ros.msgs.world import MAP_FRAME, point_message, quaternion_messa
 from simbev_ros.schema.scene.state import map_from_actors
 
 _MAX_PATTERN_CHARS, _MAX_REPETITIONS = 200, 4
-_POSIX = {
-    "alpha": "A-Za-z",
-    "digit": "0-9",
-    "alnum": "A-Za-z0-9",
-    "upper": "A-Z",
-    "lower": "a-z",
-    "xdigit": "0-9A-Fa-f",
-    "space": r"\s",
-    "blank": r" \t",
-    "punct": r"!-/:-@\[-`{-~",
-}
+_POSIX = {"alpha": "A-Za-z", "digit": "0-9", "alnum": "A-Za-z0-9", "upper": "A-Z", "lower": "a-z", "space": r"\s"}
+"""Classes of POSIX's bracket expressions, as Python writes them."""
+_PLAIN_GROUP = re.compile(r"\([^()|*+?{]*\)")
 _UNIT_TOLERANCE = 0.01
 _VECTORS = ("vx", "vy", "vz"), ("wx", "wy", "wz"), ("ax", "ay", "az")
 
@@ -72,32 +63,34 @@ def matrix_of_pose(pose: Any) -> Float64Array:
     return matrices_from_xyz_quaternion(xyz_m, xyzw / np.linalg.norm(xyzw))
 
 
-def vectors_of(linear: Vector3, angular: Vector3, rotation: Float64Array, field: str) -> tuple[Float64Array, ...]:
-    """The two (3,) vectors of a Twist or an Accel, in the frame that a (3, 3) rotation leads to.
+def vectors_of(motion: Any, rotation: Float64Array, field: str) -> tuple[Float64Array, Float64Array]:
+    """Linear and angular (3,) vector of a Twist or an Accel, in the frame that a (3, 3) rotation leads to.
 
     Raises:
         Refused: They have numbers that are not finite.
     """
-    vectors = np.array([[each.x, each.y, each.z] for each in (linear, angular)])
+    vectors = np.array([[each.x, each.y, each.z] for each in (motion.linear, motion.angular)])
     if not np.isfinite(vectors).all():
         raise Refused("RESULT_OPERATION_FAILED", f"{field}: has numbers that are not finite")
-    return tuple(vectors @ rotation.T)
+    linear, angular = vectors @ rotation.T
+    return linear, angular
 
 
 def name_pattern(text: str) -> re.Pattern[str]:
     """A POSIX extended regular expression as one of Python.
 
     Raises:
-        Refused: It is none, or it would take long: repetitions within repetitions, or more than four of them.
+        Refused: It is none, or it might take long: more than four repetitions, or a repeated group with any choice.
     """
     if len(text) > _MAX_PATTERN_CHARS:
         raise Refused("RESULT_OPERATION_FAILED", f"filter: is longer than {_MAX_PATTERN_CHARS} characters")
     translated = re.sub(r"\[:(\w+):\]", lambda found: _POSIX.get(found[1], found[0]), text)
-    unquoted = re.sub(r"\\.|\[\^?\]?[^]]*\]", "x", translated)
-    if len(re.findall(r"[*+{]", unquoted)) > _MAX_REPETITIONS or re.search(r"[*+{][^()]*\)[*+{]", unquoted):
-        raise Refused("RESULT_OPERATION_FAILED", "filter: has too many repetitions, or one within another")
+    bare = re.sub(r"\\.|\[\^?\]?[^]]*\]", "x", translated)
+    if len(re.findall(r"[*+?{]", bare)) > _MAX_REPETITIONS or re.search(r"\)[*+?{]", _PLAIN_GROUP.sub("x", bare)):
+        raise Refused("RESULT_OPERATION_FAILED", "filter: has too many repetitions, or one of a group with choices")
     try:
-        return re.compile(translated)
+        with catch_warnings(action="ignore"):
+            return re.compile(translated)
     except (re.error, OverflowError) as error:
         raise Refused("RESULT_OPERATION_FAILED", f"filter: is not a regular expression: {error}") from None
 
@@ -139,8 +132,3 @@ def _hulls_meet(a_m: Float64Array, b_m: Float64Array) -> bool:
     ones = np.ones((1, len(a_m))), np.ones((1, len(b_m)))
     weights = np.block([[a_m.T, -b_m.T], [ones[0], 0.0 * ones[1]], [0.0 * ones[0], ones[1]]])
     return bool(linprog(np.zeros(weights.shape[1]), A_eq=weights, b_eq=[0.0, 0.0, 0.0, 1.0, 1.0]).success)
-
-
-def split_frames(names: Sequence[str], most: int = 8) -> str:
-    """Some names, for a message."""
-    return ", ".join(names[:most]) + (", …" if len(names) > most else "")

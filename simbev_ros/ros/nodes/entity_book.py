@@ -1,6 +1,6 @@
 """Names and descriptions of the entities of a running scene, which tables do not have."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,9 @@ from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.state import Behavior
 
-OBJECT, ROBOT, HUMAN, DYNAMIC_OBJECT, STATIC_OBJECT = 0, 1, 2, 4, 5
-"""Categories, with the numbers of simulation_interfaces/msg/EntityCategory."""
-_CATEGORIES = {"pedestrian": HUMAN, "rider": HUMAN, "vehicle": DYNAMIC_OBJECT, "trailer": DYNAMIC_OBJECT}
+CATEGORIES = _, ROBOT, HUMAN, DYNAMIC_OBJECT, STATIC_OBJECT = 0, 1, 2, 4, 5
+"""Numbers of simulation_interfaces/msg/EntityCategory; the first is that of any other object."""
+_OF_KIND = {"pedestrian": HUMAN, "vehicle": DYNAMIC_OBJECT, "trailer": DYNAMIC_OBJECT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,20 +59,17 @@ class EntityBook:
         """What an entity with this row is."""
         if (facts := self._facts.get(int(row["id"]))) is not None:
             return facts
-        model, actor = load_blueprints()[int(row["blueprint"])], int(row["id"])
-        category = ROBOT if actor in self.agents else _CATEGORIES.get(model.kind, STATIC_OBJECT)
-        words = [model.kind, model.box_class, *model.name.split(".")[1:]]
-        words += [word for word, holds in self._marks(row) if holds]
+        model, actor, behavior = load_blueprints()[int(row["blueprint"])], int(row["id"]), int(row["behavior"])
+        category = ROBOT if actor in self.agents else _OF_KIND.get(model.kind, STATIC_OBJECT)
+        marks = {
+            "agent": actor in self.agents,
+            "spawned": actor in self._spawned,
+            "parked": behavior & Behavior.PARKED,
+            "sitting": behavior & Behavior.SITTING,
+        }
+        held = (mark for mark, holds in marks.items() if holds)
+        words = [model.kind, model.box_class, *model.name.split(".")[1:], *held]
         return EntityFacts(category, describe_model(model), tuple(dict.fromkeys(filter(None, words))))
-
-    def _marks(self, row: Table) -> Sequence[tuple[str, bool]]:
-        behavior = int(row["behavior"])
-        return (
-            ("agent", int(row["id"]) in self.agents),
-            ("spawned", int(row["id"]) in self._spawned),
-            ("parked", bool(behavior & Behavior.PARKED)),
-            ("sitting", bool(behavior & Behavior.SITTING)),
-        )
 
     def _entities(self, actors: Table) -> Iterator[Table]:
         is_towed = np.array([each.kind == "trailer" for each in load_blueprints()])[actors["blueprint"]]

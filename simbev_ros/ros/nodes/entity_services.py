@@ -8,14 +8,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
+from std_srvs.srv import Trigger
 
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.types import Float64Array, Table
-from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.ros.conventions.simulation_interfaces import (
+    DELETE_SPAWNED,
     Refused,
     answering,
     refused_result,
@@ -28,17 +30,17 @@ from simbev_ros.ros.msgs.entity_messages import (
     name_pattern,
     overlapping,
     size_message,
-    split_frames,
     state_message,
     vectors_of,
 )
 from simbev_ros.ros.msgs.world import MAP_FRAME, point_message, position_ahead, quaternion_message
-from simbev_ros.ros.nodes.entity_book import STATIC_OBJECT, EntityBook, EntityFacts, describe_model
+from simbev_ros.ros.nodes.entity_book import CATEGORIES, STATIC_OBJECT, EntityBook, EntityFacts, describe_model
 from simbev_ros.ros.nodes.world_conditions import RunningScene
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.named_poses import NamedPose, map_extent_m, named_poses
 from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.simulation.world.entities import Entities, EntityMotion
 from simbev_ros.simulation.world.source import StateSource
@@ -59,8 +61,8 @@ class EntityServices:
 
     def __init__(self, node: Any, running: Callable[[], RunningScene | None]) -> None:
         self._running, self._log = running, node.get_logger()
-        self._books = LatestValue[StateSource, EntityBook]()
-        self._places = LatestValue[int, tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]]()
+        self._books = WeakKeyDictionary[StateSource, EntityBook]()
+        self._places = LatestValue[MapSpec, tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]]()
         self._types, self._messages = (import_module(f"simulation_interfaces.{kind}") for kind in ("srv", "msg"))
         for kind, act in {
             "GetEntities": self._get_entities,
@@ -78,6 +80,7 @@ class EntityServices:
             "SetEntityInfo": self._set_info,
         }.items():
             node.create_service(getattr(self._types, kind), service_name(kind), answering(act))
+        node.create_service(Trigger, DELETE_SPAWNED, self._delete_spawned)
 
     # reading
 
@@ -109,7 +112,7 @@ class EntityServices:
             spawnable.spawn_bounds = size_message(*model.size_m)
             response.spawnables.append(spawnable)
         if request.sources:
-            response.result.error_message = f"sources: {split_frames(request.sources)}: unknown; there are none to add"
+            response.result.error_message = f"sources: {', '.join(request.sources[:8])}: unknown; there are none to add"
 
     def _get_poses(self, request: Any, response: Any) -> None:
         for pose in self._named()[0].values():
@@ -168,6 +171,15 @@ class EntityServices:
         self._book().forget(actor)
         self._note(f"deleted {request.entity}, actor {actor}", scene)
 
+    def _delete_spawned(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        scene = self._running()
+        entities = None if scene is None else scene.source.entities
+        for actor in () if entities is None else sorted(entities.spawned):
+            self._entities().delete(actor)
+            self._book().forget(actor)
+        response.success = entities is not None
+        return response
+
     def _set_state(self, request: Any, response: Any) -> None:
         scene, entities, row = self._scene(), self._entities(), self._row(request.entity)
         actor, state, motion = self._free_actor(request.entity), request.state, EntityMotion.of_row(row)
@@ -179,14 +191,12 @@ class EntityServices:
             motion.position_m, motion.rotation = posed.position_m, posed.rotation
         turn, moved = map_from_frame[:3, :3], list[Float64Array]()
         if request.set_twist:
-            linear, angular = vectors_of(state.twist.linear, state.twist.angular, turn, "state.twist")
-            motion.velocity_mps, motion.rates_radps = linear, angular
-            moved += [linear, angular]
+            motion.velocity_mps, motion.rates_radps = given = vectors_of(state.twist, turn, "state.twist")
+            moved += given
         if request.set_acceleration:
-            given = state.acceleration
-            linear, angular = vectors_of(given.linear, given.angular, turn, "state.acceleration")
-            motion.acceleration_mps2, motion.angular_radps2 = linear, angular
-            moved += [linear, angular]
+            given = vectors_of(state.acceleration, turn, "state.acceleration")
+            motion.acceleration_mps2, motion.angular_radps2 = given
+            moved += given
         if np.any(moved) and self._book().facts(row).category == STATIC_OBJECT:
             raise Refused("RESULT_OPERATION_FAILED", f"entity: {request.entity} is a static object, which cannot move")
         if not (request.set_pose or request.set_twist or request.set_acceleration):
@@ -197,7 +207,9 @@ class EntityServices:
 
     def _set_info(self, request: Any, response: Any) -> None:
         info, row = request.info, self._row(request.entity)
-        facts = EntityFacts(info.category.category, info.description[:1000], tuple(info.tags[:100]))
+        if (category := info.category.category) not in CATEGORIES:
+            raise Refused("RESULT_OPERATION_FAILED", f"info.category: is {category}; allowed: {CATEGORIES}")
+        facts = EntityFacts(category, info.description[:1000], tuple(info.tags[:100]))
         self._book().describe(int(row["id"]), facts)
 
     # the scene
@@ -228,12 +240,14 @@ class EntityServices:
 
     def _book(self) -> EntityBook:
         scene = self._scene()
-        return self._books.get(scene.source, lambda: EntityBook(agent_views(scene.spec)))
+        if scene.source not in self._books:
+            self._books[scene.source] = EntityBook(agent_views(scene.spec))
+        return self._books[scene.source]
 
     def _named(self) -> tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]:
         """The named poses of the map, and its extent."""
-        network: RoadNetwork = self._scene().network
-        return self._places.get(id(network), lambda: (named_poses(network), map_extent_m(network)))
+        scene = self._scene()
+        return self._places.get(scene.spec.map, lambda: (named_poses(scene.network), map_extent_m(scene.network)))
 
     def _row(self, name: str) -> Table:
         """The row of an entity."""

@@ -17,8 +17,6 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.world.source import StateSource
 
-RUN_STATUS = "/world/run_status"
-"""Service of type std_srvs/Trigger, whose answer is the JSON of ``run_status``; only in graphs that take orders."""
 _NONE_FINISHED = -(2**31)
 
 

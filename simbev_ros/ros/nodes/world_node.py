@@ -25,6 +25,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.conventions.simulation_interfaces import RUN_STATUS
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.drive import goal_message, route_message
 from simbev_ros.ros.msgs.message_types import is_installed, message_class
@@ -49,7 +50,7 @@ from simbev_ros.ros.nodes.command_queue import CommandQueue
 from simbev_ros.ros.nodes.driver_reports import DriverReports
 from simbev_ros.ros.nodes.entity_services import EntityServices
 from simbev_ros.ros.nodes.graph_node import GraphNode
-from simbev_ros.ros.nodes.loaded_scene import RUN_STATUS, LoadedScene, run_status
+from simbev_ros.ros.nodes.loaded_scene import LoadedScene, run_status
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.pacer import Pacer
 from simbev_ros.ros.nodes.reports import Report, read_report, subscribe_to_reports

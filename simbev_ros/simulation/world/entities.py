@@ -135,7 +135,7 @@ class Entities:
             InputError: There are too many.
         """
         first, parts = self._next_id, list(_parts(blueprint))
-        self._require_room(first + len(parts))
+        self.require_room(first + len(parts))
         rows = np.zeros(len(parts), ACTOR_DTYPE)
         rows["id"] = first + np.arange(len(parts))
         rows["color"] = [each.colors[first % len(each.colors)] for each, _ in parts]  # alternately
@@ -155,11 +155,7 @@ class Entities:
         Args:
             rows: (1 + K,) ``ACTOR_DTYPE``: the actor, and what hangs on it.
             offsets_m: (1 + K, 3) where, in its frame.
-
-        Raises:
-            InputError: There are too many.
         """
-        self._require_room(0)
         self._hidden.update(rows["id"].tolist())
         self._add(int(rows["id"][0]), rows, offsets_m, EntityMotion.of_row(rows[0]))
 
@@ -218,7 +214,8 @@ class Entities:
         x_m, y_m, z_m = entity.motion.position_m.tolist()
         self._commands.append(Event(kind, (actor,), (x_m, y_m, z_m), 0.0))
 
-    def _require_room(self, next_id: int) -> None:
+    def require_room(self, next_id: int = 0) -> None:
+        """Raise InputError if there cannot be one more, or not with ids up to the next one after it."""
         if len(self) >= MAX_ENTITIES or next_id >= LIGHT_IDS:
             raise InputError(f"a scene can have {MAX_ENTITIES} entities that were spawned or moved")
 

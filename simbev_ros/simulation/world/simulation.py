@@ -179,6 +179,7 @@ class Simulation:
     def adopt_entity(self, actor: int, actors: Table) -> None:
         """As in ``StateSource``."""
         if actor not in self.entities:
+            self.entities.require_room()
             ids, offsets_m = self._actors.take_out(actor)
             is_there = np.isin(ids, actors["id"])
             self.entities.adopt(actors[np.searchsorted(actors["id"], ids[is_there])], offsets_m[is_there])

@@ -141,7 +141,7 @@ def test_the_number_of_entities_is_limited(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(InputError, match=r"a scene can have 1 entities that were spawned or moved"):
         entities.spawn(SEDAN, motion())
     with pytest.raises(InputError, match=r"a scene can have 1 entities"):
-        entities.adopt(OTHERS[:1], np.zeros((1, 3)))
+        entities.require_room()
 
 
 def street(vehicles: int = 2, pedestrians: int = 0, ticks: int = 300) -> SceneSpec:

@@ -28,12 +28,16 @@ class EntityBook:
     """Names and facts in one scene.
 
     Vehicles of agents have the names of these, other actors that of their model and their id: ``vehicle.sedan_12``.
+
+    Attributes:
+        agents: What drives the vehicle of each agent, by its id.
     """
 
     def __init__(self, views: Iterable[AgentView]) -> None:
         """Start a scene with agents."""
-        self.agents = {view.ego_id: view.agent for view in views if view.vehicle is not None}
-        self._names = dict(self.agents)
+        carried = [view for view in views if view.vehicle is not None]
+        self.agents = {view.ego_id: view.spec.driver for view in carried}
+        self._names = {view.ego_id: view.agent for view in carried}
         self._facts: dict[int, EntityFacts] = {}
         self._spawned: set[int] = set()
 

@@ -164,10 +164,11 @@ class EntityServices:
             raise Refused("ENTITIES_SPAWN_FAILED", f"{failed} of {len(request.spawn_requests)} were not spawned")
 
     def _delete(self, request: Any, response: Any) -> None:
-        scene, actor = self._scene(), self._free_actor(request.entity)
-        self._entities()
+        scene, entities, actor = self._scene(), self._entities(), int(self._row(request.entity)["id"])
+        if actor in self._book().agents:
+            raise Refused("RESULT_OPERATION_FAILED", f"entity: {request.entity} carries an agent, which stays")
         scene.source.adopt_entity(actor, self._actors())
-        self._entities().delete(actor)
+        entities.delete(actor)
         self._book().forget(actor)
         self._note(f"deleted {request.entity}, actor {actor}", scene)
 
@@ -182,7 +183,9 @@ class EntityServices:
 
     def _set_state(self, request: Any, response: Any) -> None:
         scene, entities, row = self._scene(), self._entities(), self._row(request.entity)
-        actor, state, motion = self._free_actor(request.entity), request.state, EntityMotion.of_row(row)
+        actor, state, motion = int(row["id"]), request.state, EntityMotion.of_row(row)
+        if self._book().agents.get(actor, "traffic") != "traffic":
+            raise Refused("RESULT_OPERATION_FAILED", f"entity: {request.entity} is moved by its driver alone")
         if actor in entities:
             motion = replace(entities.motion(actor))
         map_from_frame = self._map_from_frame(state.header.frame_id)
@@ -254,13 +257,6 @@ class EntityServices:
         if (row := self._book().named_rows(self._actors()).get(name)) is None:
             raise Refused("RESULT_NOT_FOUND", f"no entity is called {name!r:.80}")
         return row
-
-    def _free_actor(self, name: str) -> int:
-        """Id of an entity that calls may move or delete."""
-        actor = int(self._row(name)["id"])
-        if actor in self._book().agents:
-            raise Refused("RESULT_OPERATION_FAILED", f"entity: {name} carries an agent; only its driver moves it")
-        return actor
 
     def _filtered(self, filters: Any) -> Iterator[tuple[str, Table]]:
         """Names and rows of the entities that pass all filters."""

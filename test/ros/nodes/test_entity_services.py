@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_scene import made_up_spec
+from scene_edits import with_ego
 
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.build import load_network
@@ -310,16 +311,22 @@ def fields(message: Any) -> dict[str, Any]:
     return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
 
 
-def test_actors_of_the_traffic_are_moved_under_their_names_but_agents_are_not(scene: Scene) -> None:
+def test_actors_of_the_traffic_are_moved_under_their_names_but_agents_stay(scene: Scene) -> None:
     state = scene.ok("GetEntityState", entity="vehicle.van_2").state
     state.pose.position.x = -3.0
     scene.ok("SetEntityState", entity="vehicle.van_2", state=state, set_pose=True)
     assert scene.ok("GetEntityState", entity="vehicle.van_2").state.pose.position.x == -3.0
-    words = "entity: ego carries an agent; only its driver moves it"
-    assert scene.refusal("SetEntityState", entity="ego", state=state, set_pose=True) == (4, words)
-    assert scene.refusal("DeleteEntity", entity="ego") == (4, words)
+    scene.ok("SetEntityState", entity="ego", state=state, set_pose=True)
+    assert scene.ok("GetEntityState", entity="ego").state.pose.position.x == -3.0
+    assert scene.refusal("DeleteEntity", entity="ego") == (4, "entity: ego carries an agent, which stays")
     scene.ok("DeleteEntity", entity=f"{WALKER}_5")
     assert f"{WALKER}_5" not in names(scene)
+
+
+def test_a_vehicle_that_is_driven_from_outside_is_not_moved(scene: Scene) -> None:
+    scene.spec = with_ego(scene.spec, driver="twist")
+    words = "entity: ego is moved by its driver alone"
+    assert scene.refusal("SetEntityState", entity="ego", state=msg.EntityState(), set_pose=True) == (4, words)
 
 
 def test_bad_states_are_refused(scene: Scene) -> None:

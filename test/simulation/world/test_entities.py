@@ -197,6 +197,18 @@ def test_an_actor_of_the_traffic_that_is_moved_or_deleted_leaves_the_road() -> N
     assert driven_m > 30.0, "the ego is not held up by the vehicle that has left"
 
 
+def test_the_ego_is_moved_from_outside_like_any_other_actor() -> None:
+    spec = street(pedestrians=2)
+    with Simulation(spec, blocks()) as simulation:
+        for _ in range(spec.warm_up_ticks):
+            state = simulation.step()
+        simulation.adopt_entity(EGO_ID, state.actors)
+        simulation.entities.place(EGO_ID, motion(3.0, 4.0, velocity_mps=[2.0, 0.0, 0.0]))
+        egos = [simulation.step().ego for _ in range(60)]
+    np.testing.assert_allclose([ego_row["x"] for ego_row in egos], 3.0 + 2.0 * TICK_S * np.arange(60), atol=1e-9)
+    assert {float(ego_row["vx"]) for ego_row in egos} == {2.0}
+
+
 def test_the_same_commands_at_the_same_ticks_lead_to_the_same_tables() -> None:
     tables = []
     for _ in range(2):

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.geometry.footprints import footprints_overlap
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy, rpy_from_rotation
-from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named, load_blueprints
 from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.schema.boxes import LIGHT_IDS
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, COLLISION, ENTITY_PREFIX, Behavior, Event
 from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.lights import vehicle_lights
 
 MAX_ENTITIES = 1000
@@ -61,6 +61,12 @@ class EntityMotion:
         )
         return cls(position_m, rotations_from_rpy(rpy_rad), velocity_mps, rates_radps)
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it stays where it is."""
+        parts = self.velocity_mps, self.rates_radps, self.acceleration_mps2, self.angular_radps2
+        return not any(each.any() for each in parts)
+
     def after(self, time_s: float) -> "EntityMotion":
         """The motion some time later."""
         turn = self.rates_radps * time_s + self.angular_radps2 * (time_s**2 / 2.0)
@@ -82,6 +88,7 @@ class _Entity:
     offsets_m: Float64Array
     motion: EntityMotion
     is_new: bool = True
+    is_lit: bool | None = None
 
     @property
     def blueprint(self) -> Blueprint:
@@ -174,10 +181,12 @@ class Entities:
     def advance_entities(self, weather: Weather) -> None:
         """Advance by one tick; entities that have just been placed are where they were placed."""
         for entity in self._entities.values():
+            if not entity.is_new and entity.motion.is_at_rest and entity.is_lit == weather.needs_low_beam:
+                continue
             if not entity.is_new:
                 entity.motion = self._on_ground(entity.motion, entity.motion.after(self._tick_s))
             _fill(entity, 0.0 if entity.is_new else self._tick_s, weather)
-            entity.is_new = False
+            entity.is_new, entity.is_lit = False, weather.needs_low_beam
         self.events, self._commands = tuple(self._commands), []
 
     def overlay(self, actors: Table) -> Table:
@@ -256,7 +265,9 @@ def _fill(entity: _Entity, time_s: float, weather: Weather) -> None:
     off, speed, acceleration = np.zeros(1, bool), np.array([speed_mps]), np.array([forward_mps2])
     is_parked = bool(rows["behavior"][0] & Behavior.PARKED)
     if not is_parked or motion.velocity_mps.any():
-        rows["lights"] = vehicle_lights(np.zeros(1, np.int64), speed, acceleration, off, off, weather, off)
+        rows["lights"][rows["parent"] == 0] = vehicle_lights(
+            np.zeros(1, np.int64), speed, acceleration, off, off, weather, off
+        )
         rows["behavior"][0] &= ~np.uint16(Behavior.PARKED)
     if abs(speed_mps) > _MIN_STEERING_MPS:
         steer_rad = np.arctan(entity.blueprint.wheelbase_m * motion.rates_radps[2] / speed_mps)
@@ -269,7 +280,7 @@ def _pose(entity: _Entity) -> None:
     arm_m = entity.offsets_m @ motion.rotation.T
     values = (
         motion.position_m + arm_m,
-        motion.velocity_mps + np.cross(motion.rates_radps, arm_m),
+        motion.velocity_mps + (np.cross(motion.rates_radps, arm_m) if motion.rates_radps.any() else 0.0 * arm_m),
         motion.acceleration_mps2,
         motion.rates_radps,
         rpy_from_rotation(motion.rotation),
@@ -290,22 +301,20 @@ def _rotation(turn_rad: Float64Array) -> Float64Array:
 def _touching(actors: Table, entities: Mapping[int, _Entity]) -> set[tuple[int, int]]:
     """Pairs of ids, ascending, of an entity and another actor whose boxes overlap; riders count as their vehicles."""
     rows = actors[actors["parent"] == 0]
+    is_entity = np.isin(rows["id"], list(entities))
+    rows = np.concatenate([rows[is_entity], rows[~is_entity]], dtype=actors.dtype)
     position_m, size_m = (
         np.column_stack([rows[name].astype(np.float64) for name in names])
         for names in (_AXES, ("length", "width", "height"))
     )
-    radius_m = np.hypot(size_m[:, 0], size_m[:, 1]) / 2.0
-    found: set[tuple[int, int]] = set()
-    for actor, entity in entities.items():
-        row = int(np.searchsorted(rows["id"], actor))
-        rise_m = position_m[:, 2] - position_m[row, 2]
-        near = np.hypot(*(position_m[:, :2] - position_m[row, :2]).T) < radius_m + radius_m[row]
-        near &= (rise_m < size_m[row, 2]) & (-rise_m < size_m[:, 2]) & ~np.isin(rows["id"], entity.rows["id"])
-        others: Int64Array = np.flatnonzero(near)
-        pairs = np.column_stack([np.full_like(others, row), others])
-        overlap = footprints_overlap(position_m[pairs], rows["yaw"][pairs].astype(np.float64), size_m[pairs])
-        found |= {(min(actor, other), max(actor, other)) for other in rows["id"][others[overlap]].tolist()}
-    return found
+    boxes = BodyBoxes(size_m, int(np.count_nonzero(is_entity)))
+    pairs = boxes.touching_pairs(position_m, rows["yaw"].astype(np.float64))
+    owner = {part: actor for actor, entity in entities.items() for part in entity.rows["id"].tolist()}
+    return {
+        (min(pair), max(pair))
+        for pair in rows["id"][pairs].tolist()
+        if owner.get(pair[0]) != owner.get(pair[1], pair[1])
+    }
 
 
 def _contact(actors: Table, a: int, b: int) -> Event:

@@ -7,7 +7,6 @@ entities are in the world node.
 import json
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from importlib import import_module
@@ -26,6 +25,7 @@ from simbev_ros.ros.conventions.names import ros_name
 from simbev_ros.ros.conventions.simulation_interfaces import (
     DELETE_SPAWNED,
     RUN_STATUS,
+    Act,
     Refused,
     answering,
     refused_result,
@@ -57,18 +57,19 @@ class SimulationServices:
 
     def __init__(self, node: Any, group: Any, queue: SceneQueue, scenario: Scenario, *, recorded: bool) -> None:
         self._queue, self._scenario, self._recorded = queue, scenario, recorded
-        self._changing, self._started = threading.Lock(), object()
+        self._changing, self._stepping = threading.Lock(), threading.Lock()
+        self._started: OrderedScene | None = None
         self._types, self._messages = (import_module(f"simulation_interfaces.{kind}") for kind in ("srv", "msg"))
         for kind, act in {
             "GetSimulatorFeatures": self._get_features,
             "GetSimulationState": self._get_state,
-            "SetSimulationState": self._alone(self._set_state),
-            "StepSimulation": self._alone(self._step),
-            "ResetSimulation": self._alone(self._reset),
+            "SetSimulationState": _alone(self._set_state, self._changing),
+            "StepSimulation": _alone(self._step, self._stepping),
+            "ResetSimulation": _alone(self._reset, self._changing),
             "GetAvailableWorlds": self._get_worlds,
             "GetCurrentWorld": self._get_world,
-            "LoadWorld": self._alone(self._load),
-            "UnloadWorld": self._alone(self._unload),
+            "LoadWorld": _alone(self._load, self._changing),
+            "UnloadWorld": _alone(self._unload, self._changing),
         }.items():
             node.create_service(getattr(self._types, kind), service_name(kind), answering(act), callback_group=group)
 
@@ -90,15 +91,6 @@ class SimulationServices:
     def close(self) -> None:
         """Withdraw the action."""
         self._action.destroy()
-
-    def _alone(self, act: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
-        """Let one call at a time change the simulation."""
-
-        def act_alone(request: Any, response: Any) -> None:
-            with self._changing:
-                act(request, response)
-
-        return act_alone
 
     # state
 
@@ -180,20 +172,22 @@ class SimulationServices:
     # steps
 
     def _step(self, request: Any, _response: Any) -> None:
-        self._require_paused()
+        scene = self._paused_scene()
         for _ in range(request.steps):
-            self._step_once()
+            self._step_once(scene)
 
-    def _require_paused(self) -> None:
+    def _paused_scene(self) -> OrderedScene | None:
         if (state := self._state()) != _PAUSED:
             raise Refused("RESULT_OPERATION_FAILED", f"the simulation is {_WORDS[state]}; pause it first")
+        return self._queue.active
 
-    def _step_once(self) -> None:
-        """Simulate one tick; returns when all nodes have finished it."""
+    def _step_once(self, scene: OrderedScene | None) -> None:
+        """Simulate one tick of a scene; returns when all nodes have finished it."""
         tick = self._status().get("next_tick")
-        answer = self._call(self._world_step, Trigger.Request())
-        if tick is None or not answer.success:
-            raise Refused("RESULT_OPERATION_FAILED", "the scene has ended" if tick is None else answer.message)
+        if tick is None or self._queue.active is not scene:
+            raise Refused("RESULT_OPERATION_FAILED", "the scene has ended")
+        if not (answer := self._call(self._world_step, Trigger.Request())).success:
+            raise Refused("RESULT_OPERATION_FAILED", answer.message)
         end_s = time.monotonic() + _STEP_S
         while (status := self._status())["scene"] and status["finished_tick"] < tick:
             if time.monotonic() > end_s:
@@ -204,10 +198,10 @@ class SimulationServices:
         outcome, steps, done = self._action_type.Result(), goal.request.steps, 0
         outcome.result.result = outcome.result.RESULT_OK
         try:
-            with self._changing, foreign_content("goal"):
-                self._require_paused()
+            with self._stepping, foreign_content("goal"):
+                scene = self._paused_scene()
                 while done < steps and not goal.is_cancel_requested:
-                    self._step_once()
+                    self._step_once(scene)
                     done += 1
                     goal.publish_feedback(
                         self._action_type.Feedback(completed_steps=done, remaining_steps=steps - done)
@@ -300,3 +294,13 @@ class SimulationServices:
             client.remove_pending_request(future)
             raise SimbevError("the world node does not answer")
         return future.result()
+
+
+def _alone(act: Act, lock: threading.Lock) -> Act:
+    """Let one call at a time act; a state can be set while steps are taken."""
+
+    def act_alone(request: Any, response: Any) -> None:
+        with lock:
+            act(request, response)
+
+    return act_alone

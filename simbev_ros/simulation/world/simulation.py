@@ -42,7 +42,6 @@ from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 from simbev_ros.simulation.world.sumo.impatience import Impatience
 from simbev_ros.simulation.world.sumo.net_crop import crop_net
-from simbev_ros.simulation.world.sumo.placed_obstacles import Obstacle
 from simbev_ros.simulation.world.sumo.routes import Routes
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
 from simbev_ros.simulation.world.sumo.start import sumo_step_ns
@@ -237,7 +236,7 @@ class Simulation:
         is_paved = self._actors.ground.is_paved
         self._sumo.obstacles.place(
             {
-                actor: Obstacle(size_m, motion.position_m, motion.rotation[:, 0])
+                actor: (size_m, motion.position_m, motion.rotation[:, 0])
                 for actor, size_m, motion in self.entities.ahead(ahead_s)
                 if is_paved(motion.position_m[None])[0]
             }

@@ -157,7 +157,11 @@ def test_the_simulation_is_steered_by_states_steps_resets_and_worlds(simbev: Sim
         client.ok("ResetSimulation")
         assert client.state() == PAUSED and client.stamp_ns() < first_ns
 
+        endless = client.node.create_client(srv.StepSimulation, "/step_simulation")
+        steps = endless.call_async(srv.StepSimulation.Request(steps=10**15))
         client.set_state(PLAYING)
+        client.spin_until(steps.done)
+        assert (steps.result().result.result, steps.result().result.error_message) == (4, "pause first: /world/pause")
         assert client.step_action(1)[0] == msg.Result.RESULT_OPERATION_FAILED
         client.set_state(STOPPED)
         assert client.stamp_ns() < first_ns

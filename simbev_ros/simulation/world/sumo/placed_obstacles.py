@@ -1,7 +1,6 @@
 """Vehicles without drivers that commands place on SUMO's roads, so that traffic brakes for them and passes them."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,18 +14,8 @@ _DEFAULT_TYPE = "DEFAULT_VEHTYPE"
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY
 
 
-class Obstacle(NamedTuple):
-    """Something that stands or moves on a road.
-
-    Attributes:
-        size_m: Length, width, height.
-        center_m: (2+,) its center.
-        forward: (2+,) unit vector of its heading.
-    """
-
-    size_m: tuple[float, float, float]
-    center_m: Float64Array
-    forward: Float64Array
+Obstacle = tuple[tuple[float, float, float], Float64Array, Float64Array]
+"""Length, width and height of something on a road; its (2+,) center, map frame; its heading as (2+,) unit vector."""
 
 
 class PlacedObstacles:
@@ -55,7 +44,7 @@ class PlacedObstacles:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def _place_one(self, number: int, obstacle: Obstacle) -> None:
-        name, (length_m, width_m, height_m) = f"{_NAME}{number}", obstacle.size_m
+        name, ((length_m, width_m, height_m), center_m, forward) = f"{_NAME}{number}", obstacle
         if number not in self.placed:
             self.placed.add(number)
             libsumo.vehicletype.copy(_DEFAULT_TYPE, name)
@@ -67,6 +56,6 @@ class PlacedObstacles:
             libsumo.vehicle.add(name, "", name)
             libsumo.vehicle.setSpeedMode(name, NO_CHECKS)
             libsumo.vehicle.setLaneChangeMode(name, 0)
-        x_m, y_m = (obstacle.center_m[:2] + obstacle.forward[:2] * length_m / 2.0).tolist()  # SUMO's is the front
-        angle_deg = np.degrees(np.arctan2(obstacle.forward[0], obstacle.forward[1]))
+        x_m, y_m = (center_m[:2] + forward[:2] * length_m / 2.0).tolist()  # SUMO's is the front
+        angle_deg = np.degrees(np.arctan2(forward[0], forward[1]))
         libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, angle_deg, keepRoute=_ON_OR_OFF_ROAD)

@@ -85,6 +85,7 @@ def test_a_rider_and_a_trailer_come_and_go_with_their_vehicle() -> None:
     rider, trailer = rows[rows["parent"] == first][0], rows[-1]
     seat_m = bicycle.rider_seat_m
     np.testing.assert_allclose([rider["x"], rider["y"], rider["z"]], [100.0 - seat_m[1], 0.15 + seat_m[0], seat_m[2]])
+    assert rider["lights"] == 0 and rows["lights"][3] & Light.BRAKE == 0 and rows["lights"][5] & Light.BRAKE
     towed = blueprint_named(tractor.tows)
     assert trailer["x"] == pytest.approx(200.0 + tractor.hitch_m - towed.hitch_m) and trailer["parent"] == 0
     assert rows["id"][3:].tolist() == [first, first + 1, second, second + 1]

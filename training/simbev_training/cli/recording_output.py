@@ -37,11 +37,13 @@ def predict_real_frames(
         wanted: What to write and to count.
 
     Raises:
-        InputError: The recording cannot be read, or the folder is not new.
+        InputError: The recording cannot be read, the folder is not new, or the model takes earlier images.
     """
+    from simbev_ros.baselines.model_file import require_newest_images
     from simbev_ros.baselines.recordings.model_inputs import ground_pose
     from simbev_training.recordings.prediction import predict_recording, read_frames
 
+    require_newest_images(baseline, "the model")
     require_new_folder(out)
     if not is_folder(folder):
         raise InputError(f"{folder}: is not a folder")

@@ -52,17 +52,10 @@ def load_baseline(modality: Modality, path: Path | None) -> Baseline:
         path: A file of the user's; None: the weights in the package.
 
     Raises:
-        InputError: There is no such file, it cannot be read, it is another baseline, or one with earlier images.
+        InputError: There is no such file, it cannot be read, or it is another baseline.
     """
     path = require_model_file(modality, path)
     baseline = Baseline(path)
     if baseline.modality is not modality:
         raise InputError(f"{path}: is a {baseline.modality} model, which baseline-{baseline.modality} runs")
-    require_newest_images(baseline, path)
     return baseline
-
-
-def require_newest_images(baseline: Baseline, file: Path | str) -> None:
-    """Raise InputError if a model takes images of several times, which only predictions for datasets give it."""
-    if len(baseline.image_ages_ns) > 1:
-        raise InputError(f"{file}: takes images of {len(baseline.image_ages_ns)} times; it answers only datasets")

@@ -57,9 +57,8 @@ def _frame(folder: Path, cloud: Path) -> RecordedFrame:
     return RecordedFrame(
         name=name,
         title=f"KITTI {folder.name} {name}",
-        sweeps=[RecordedSweep(cloud, _COLUMNS)],
+        sweeps=[RecordedSweep(cloud, _COLUMNS, images=images)],
         index=0,
-        images=images,
         labels=partial(read_labels, labels, calibration) if is_file(labels) else None,
     )
 

@@ -41,7 +41,7 @@ class FakeBaseline:
     """Answers with one box whose length is the number of points, and whose width is the brightness of the image."""
 
     modality, cameras, camera_size_px = Modality.FUSED, 1, (64, 32)
-    sweep_ages_ns = (0, 250_000_000, 500_000_000)
+    sweep_ages_ns, image_ages_ns = (0, 250_000_000, 500_000_000), (0,)
 
     def answer(self, points: Any, images: Any, pixel_from_level: Any) -> Answer:
         boxes = np.zeros(1, MODEL_BOX_DTYPE)

@@ -118,8 +118,8 @@ class CachedScene:
         with foreign_content(self.folder):
             stamp_ns = int(frame["stamp_ns"])
             sweeps = sweeps_of_frame(stamp_ns, arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
-            earlier = sweeps_of_frame(stamp_ns, self.frames["stamp_ns"][:index], image_ages_ns[1:])
-        images = [self._images(each, index) for each in (index, *earlier)]
+            taken = sweeps_of_frame(stamp_ns, self.frames["stamp_ns"][: index + 1], image_ages_ns)
+        images = [self._images(each, index) for each in (index, *taken[1:])]
         boxes = slice(int(self.frames["boxes_end"][index - 1]) if index else 0, int(frame["boxes_end"]))
         return Sample(
             sweeps_cm=tuple(self._points_cm(each) if each >= 0 else None for each in sweeps),

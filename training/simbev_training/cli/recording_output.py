@@ -37,13 +37,11 @@ def predict_real_frames(
         wanted: What to write and to count.
 
     Raises:
-        InputError: The recording cannot be read, the folder is not new, or the model takes earlier images.
+        InputError: The recording cannot be read, or the folder is not new.
     """
-    from simbev_ros.baselines.model_file import require_newest_images
     from simbev_ros.baselines.recordings.model_inputs import ground_pose
     from simbev_training.recordings.prediction import predict_recording, read_frames
 
-    require_newest_images(baseline, "the model")
     require_new_folder(out)
     if not is_folder(folder):
         raise InputError(f"{folder}: is not a folder")
@@ -83,7 +81,8 @@ def _facts(baseline: "Baseline", frames: "Sequence[RecordedFrame]", ground: Floa
         )
     yield f"{where}; points within {BODY_M:g} m of it are left out"
     if all(frame.sweep.map_from_lidar is None for frame in frames):
-        yield "poses are unknown, so the model sees one sweep, and velocities are arbitrary"
+        images = " and no earlier images" if len(baseline.image_ages_ns) > 1 else ""
+        yield f"poses are unknown, so the model sees one sweep{images}, and velocities are arbitrary"
     if baseline.modality.has_cameras:
         seen = [image.camera for image in frames[0].images()]
         missing = f", and {baseline.cameras - len(seen)} black images" if len(seen) < baseline.cameras else ""

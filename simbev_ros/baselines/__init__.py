@@ -4,3 +4,7 @@
 Runtime, ``weights`` come with the package, and ``node`` is the stack that answers a live graph. Training is a
 distribution of its own, ``training/simbev_training``.
 """
+
+from simbev_ros.foundation.installation.shell_variables import prepare_node
+
+prepare_node()

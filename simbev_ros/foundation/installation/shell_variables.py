@@ -1,6 +1,7 @@
 """Variables of users' shells that would break or mislead a graph: which are set, and what happens with them.
 
-A command calls ``prepare_shell`` before it loads ROS, which reads the variables then.
+A command calls ``prepare_shell`` before it loads ROS, which reads the variables then; a node that is started by itself
+calls ``prepare_node``.
 """
 
 import os
@@ -15,7 +16,9 @@ from xml.etree import ElementTree
 from simbev_ros.foundation.tables import load_table
 
 _DROPPED, _IGNORED = "dropped", "ignored"
+_MIDDLEWARE = "RMW_IMPLEMENTATION"
 _LOADER = ("LD_PRELOAD", "LD_LIBRARY_PATH")
+_NODE_PROGRAM = "simbev_node"
 _MAX_SHOWN_CHARACTERS = 80
 
 
@@ -67,6 +70,21 @@ def prepare_shell() -> None:
     for variable in settle_shell(os.environ):
         if variable.was_dropped:
             print(f"warning: {variable}", file=sys.stderr)
+
+
+def prepare_node() -> None:
+    """Drop a middleware that is not installed, with a warning, in a node that is started as a program of its own.
+
+    ROS would end the process when it is loaded, so a package of nodes calls this before it imports any. Processes that
+    a graph has started, and other programs that import the package, are left alone. All else that the shell sets is
+    the choice of the one who starts the node.
+    """
+    is_program = sys.argv[0] == "-m" or Path(sys.argv[0]).name == _NODE_PROGRAM  # the former until a module has run
+    if is_program and _MIDDLEWARE in os.environ:
+        chosen = {_MIDDLEWARE: os.environ.pop(_MIDDLEWARE)}
+        for variable in settle_shell(chosen):
+            print(f"warning: {variable}", file=sys.stderr)
+        os.environ.update(chosen)
 
 
 def describe_loader() -> str:

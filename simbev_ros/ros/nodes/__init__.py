@@ -4,3 +4,7 @@ The world node plays a scene tick by tick. Sensor nodes and the annotator turn e
 labels, the recorder writes them into a bag, and the evaluator compares the answers of a perception stack with the
 labels. ``main`` runs one or several of them in a process.
 """
+
+from simbev_ros.foundation.installation.shell_variables import prepare_node
+
+prepare_node()

@@ -1,6 +1,9 @@
 """Variables of users' shells with values that a graph cannot work with are dropped, with the reason; others stay."""
 
+import os
+import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -68,3 +71,32 @@ def test_good_values_stay_and_only_those_that_matter_are_named(tmp_path: Path) -
 def test_what_simbev_and_its_wheels_set_is_not_named() -> None:
     profile = shipped_config_dir() / "fastdds.xml"
     assert not settle_shell({PROFILE: str(profile), "LD_LIBRARY_PATH": f"{sys.prefix}/lib"})
+
+
+@pytest.mark.skipif(find_spec("rclpy") is None, reason="there is no ROS")
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("-m", "simbev_ros.ros.nodes.main", "none"),
+        (str(Path(sys.executable).with_name("simbev_node")), "none"),
+        ("-m", "simbev_ros.baselines.node", "lidar", "/none.onnx"),
+    ],
+    ids=["module", "program", "baseline"],
+)
+def test_a_node_started_by_itself_loads_ros_although_its_middleware_is_missing(command: tuple[str, ...]) -> None:
+    environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_none_cpp"}
+    done = subprocess.run(
+        [sys.executable, *command], env=environment, capture_output=True, text=True, check=False, timeout=60
+    )
+    warning, error = done.stderr.splitlines()
+    assert done.returncode == 2, done.stderr  # that of the wrong argument, which is read with ROS loaded
+    assert warning.startswith("warning: RMW_IMPLEMENTATION=rmw_none_cpp: dropped: this ROS has only ")
+    assert "unset the variable" in warning
+    assert error.startswith("error: ") and "none" in error
+
+
+def test_a_program_that_imports_nodes_keeps_its_shell() -> None:
+    program = "import os; import simbev_ros.ros.nodes, simbev_ros.baselines; print(os.environ['RMW_IMPLEMENTATION'])"
+    environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_none_cpp"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("rmw_none_cpp\n", "")

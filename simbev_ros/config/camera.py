@@ -84,6 +84,13 @@ class Camera(Sensor, Optics):
         "draw on photographs, where crowns, railings and two-wheelers include what is seen through their gaps",
     )
 
+    video: Literal["h264"] | None = Field(
+        None,
+        exclude_if=lambda value: value is None,
+        description="color images also as foxglove_msgs/CompressedVideo, on the topic rgb/video, which bags contain in "
+        "place of JPEG; none: no video",
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, data: Any) -> Any:
@@ -105,6 +112,16 @@ class Camera(Sensor, Optics):
         of_imager = [name for name in self.modalities if IMAGE_KINDS[name].of_imager]
         if of_imager and self.imager is None:
             raise ValueError(f"modalities: {', '.join(of_imager)} without imager, which makes it")
+        return self
+
+    @model_validator(mode="after")
+    def _possible_video(self) -> Self:
+        if self.video is None:
+            return self
+        if "rgb" not in self.modalities:
+            raise ValueError("video: needs the modality rgb")
+        if self.width_px % 2 or self.height_px % 2:
+            raise ValueError(f"video: {self.width_px} x {self.height_px} pixels; H.264 needs even numbers")
         return self
 
     @model_validator(mode="after")

@@ -34,7 +34,7 @@ SENSOR_KINDS: Final[Mapping[str, type[Sensor]]] = _models_by_kind()
 """Model of each kind of sensor by the kind's name, the ``type`` in a rig, in the order of the union."""
 
 
-_NOT_DRAWN = ("name", "type", "rate_hz", "modalities", "points", "semantic_points", "scan")
+_NOT_DRAWN = ("name", "type", "rate_hz", "modalities", "points", "semantic_points", "scan", "video")
 """Fields that decide which topics a rig has and when they come, which is the same in all scenes."""
 _SENSOR: Final[TypeAdapter[AnySensor]] = TypeAdapter(AnySensor)
 

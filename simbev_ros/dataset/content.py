@@ -20,11 +20,12 @@ from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.video import VIDEO_TYPE, VideoCursor
 from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 
-_IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
+_IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$|(?<=/rgb)/video$")
 _OF_EGO = re.compile(r"/(prediction/.+|robot_description)")
 """Topics of the ego without its name, because ROS tools and perception stacks expect these names."""
 _SPORADIC = ("/world/events", "/drive/events")
@@ -42,11 +43,13 @@ class Source:
         bag: The bag.
         topic: The topic.
         base_link_x_m: For an agent's true motion, x of base_link, the point with the recorded motion, in its ego frame.
+        video: Decoder of a video's images; None: the topic is none.
     """
 
     bag: IndexedBag
     topic: IndexedTopic
     base_link_x_m: float = 0.0
+    video: VideoCursor | None = None
 
     @property
     def type_name(self) -> str:
@@ -75,6 +78,8 @@ class Source:
         Raises:
             BagError: The bag is damaged there, or the messages cannot be decoded.
         """
+        if self.video is not None:
+            return self.video.image(int(np.searchsorted(self.stamps_ns, locations[-1, 0])), self._stream)
         messages = self.messages(locations)
         try:
             if self.topic.name in _SPORADIC:
@@ -83,6 +88,11 @@ class Source:
             return in_ego_frame(value, self.base_link_x_m) if self.base_link_x_m else value
         except BagError as error:
             raise self._with_topic(error) from None
+
+    def _stream(self, index: int) -> bytes:
+        """Data of one message of a video."""
+        (message,) = self.messages(self.topic.locations[index : index + 1])
+        return bytes(message.data)
 
     def _with_topic(self, error: BagError) -> BagError:
         text = str(error).removeprefix(f"{self.bag.file}: ")
@@ -212,7 +222,10 @@ def key_of_topic(name: str, view: AgentView) -> str:
 def sources_by_topic(bag: IndexedBag, spec: SceneSpec | None) -> dict[str, Source]:
     """Every topic of a bag by topic name; the bag need neither hold a scene (then ``spec`` is None) nor be finished."""
     arms_m = {} if spec is None else _base_links_m(spec)
-    return {name: Source(bag, topic, arms_m.get(name, 0.0)) for name, topic in bag.topics.items()}
+    return {
+        name: Source(bag, topic, arms_m.get(name, 0.0), VideoCursor() if topic.type_name == VIDEO_TYPE else None)
+        for name, topic in bag.topics.items()
+    }
 
 
 def _view_in(other: SceneSpec, view: AgentView) -> AgentView | None:

@@ -28,6 +28,7 @@ from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.schema.messages.message_types import message_definition, type_hash
 
 _MAX_PACKERS = 4
@@ -43,7 +44,7 @@ class _Group(NamedTuple):
     is_compressed: bool
 
 
-_COMPRESSED = ("sensor_msgs/msg/CompressedImage",)
+_COMPRESSED = ("sensor_msgs/msg/CompressedImage", VIDEO_TYPE)
 """Types of messages that are compressed, so that compressing them again gains nothing."""
 _COMMON = _Group(is_separate=False, is_compressed=False)
 

@@ -1,12 +1,14 @@
-"""Converts between arrays and Image or CompressedImage messages, and makes the CameraInfo of a camera model."""
+"""Converts between arrays and messages of images and video, and makes the CameraInfo of a camera model."""
 
 import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
+from simbev_ros.drawing.displays.messages import build, moment, serialize
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import AnyArray
+from simbev_ros.recording.video import H264, VIDEO_TYPE
 from simbev_ros.ros.msgs.arrays import bytes_field
 from simbev_ros.ros.msgs.stamps import header
 
@@ -50,6 +52,12 @@ def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, fram
     message = CompressedImage(check_fields=True, header=header(stamp_ns, frame), format=image_format)
     message.data = bytes_field(data)
     return message
+
+
+def video_message(data: bytes, stamp_ns: int, frame: str) -> bytes:
+    """Serialized CompressedVideo message of one image in H.264."""
+    fields = {"timestamp": moment(stamp_ns), "frame_id": frame, "data": np.frombuffer(data, np.uint8), "format": H264}
+    return serialize(build(VIDEO_TYPE, **fields))
 
 
 def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:

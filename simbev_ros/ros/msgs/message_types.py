@@ -7,6 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.foundation.errors import InputError
+
 _TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
@@ -30,6 +32,16 @@ def _is_generated(package: str) -> bool:
     spec = find_spec(package) if package else None
     folders = (spec and spec.submodule_search_locations) or ()
     return any(any(Path(folder).glob(f"{package}_s__rosidl_typesupport_c.*")) for folder in folders)
+
+
+def require_installed(type_name: str, user: str) -> None:
+    """Check that the package of a type is installed; ``user`` is what needs it.
+
+    Raises:
+        InputError: It is not; the message says who makes it.
+    """
+    if not is_installed(type_name):
+        raise InputError(f"{user} needs {type_name.partition('/')[0]}, which `simbev doctor --fix` makes")
 
 
 @cache

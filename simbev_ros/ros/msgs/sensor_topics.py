@@ -17,12 +17,14 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
+from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.messages.table_messages import RADAR_SCAN
 from simbev_ros.schema.scene.agents import AgentView
 
 _POINTS = "points"
 _CAMERA_INFO = "camera_info"
+_VIDEO = "video"
 _LABEL_INFO = "label_info"
 
 
@@ -33,15 +35,17 @@ class CameraTopics(NamedTuple):
         raw: Its images.
         compressed: Its compressed images, named as in image_transport.
         info: The CameraInfo of the images, in their namespace, where image_transport looks for it.
+        video: Its images as a video; None: there is none.
     """
 
     raw: Topic
     compressed: Topic
     info: Topic
+    video: Topic | None = None
 
     def recorded(self, *, compressed: bool) -> tuple[Topic, Topic]:
-        """Topics that a bag contains: images in one of the two forms, and their CameraInfo."""
-        return (self.compressed if compressed else self.raw), self.info
+        """Topics that a bag contains: images in one form, a video if there is one and they are compressed, and info."""
+        return ((self.video or self.compressed) if compressed else self.raw), self.info
 
 
 class LidarTopics(NamedTuple):
@@ -91,6 +95,7 @@ def camera_topics(view: AgentView, camera: Camera) -> dict[Modality, CameraTopic
             _topic(view, camera, raw, "sensor_msgs/msg/Image"),
             _topic(view, camera, f"{raw}/{IMAGE_KINDS[modality].transport}", "sensor_msgs/msg/CompressedImage"),
             _topic(view, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
+            _topic(view, camera, f"{modality}/{_VIDEO}", VIDEO_TYPE) if camera.video and modality == "rgb" else None,
         )
     return topics
 

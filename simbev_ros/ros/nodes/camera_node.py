@@ -25,9 +25,11 @@ from simbev_ros.drawing.displays.detections import label_info
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
+from simbev_ros.recording.video import Encode, VideoStream
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.displays import SceneDisplay
-from simbev_ros.ros.msgs.images import camera_info_message, compressed_image_message, image_message
+from simbev_ros.ros.msgs.images import camera_info_message, compressed_image_message, image_message, video_message
+from simbev_ros.ros.msgs.message_types import require_installed
 from simbev_ros.ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.ros.nodes.camera_groups import CameraGroup, MountedCamera, camera_groups
 from simbev_ros.ros.nodes.participant import Participant
@@ -72,10 +74,12 @@ class _Encoded(NamedTuple):
 
     Attributes:
         compressed: The compressed image; None: it has no reader.
+        video: The image in the video; None: there is none, or it has no reader.
         pictures: Messages with its colored picture, by topic.
     """
 
     compressed: bytes | None
+    video: bytes | None
     pictures: Mapping[str, bytes]
 
 
@@ -105,6 +109,7 @@ class CameraNode(Participant):
         self._groups: list[CameraGroup] = []
         self._outputs: list[_Output] = []
         self._encoders = self.meter.pool("encode")
+        self._videos: dict[str, VideoStream] = {}
 
     def _make_renderer(self, static: StaticScene) -> Renderer:
         return Renderer(static, load_models(), self._open_context(), self._quality, self._time_part)
@@ -117,6 +122,7 @@ class CameraNode(Participant):
         """Load the meshes around the agents (kept while scenes stay there) and advertise the cameras' topics."""
         self._groups = list(camera_groups(self.served_views(spec), self._names))
         self._outputs.clear()
+        self._videos.clear()
         renderer = self._surroundings.load(spec)
         renderer.set_lights(spec.lights)
         renderer.set_appearance(spec.appearance)
@@ -149,7 +155,10 @@ class CameraNode(Participant):
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Start to compress the images of a tick, which is finished when they are published."""
         outputs, self._outputs = self._outputs, []
-        encoded = [self._encoders.submit(self._encode, state.stamp_ns, output) for output in outputs]
+        encoded = [
+            self._encoders.submit(self._encode, state.stamp_ns, output, self._next_of_video(output))
+            for output in outputs
+        ]
         publish = partial(self._publish, state.stamp_ns, outputs, encoded)
         self.finish_after(spec, state.tick, encoded, publish)
 
@@ -159,7 +168,7 @@ class CameraNode(Participant):
         for mounted in cameras:
             for modality, topics in mounted.topics.items():
                 displays = [each for each in self.displays_of(topics.raw.name) if self.reader_count(each.topic.name)]
-                forms = (topics.raw, topics.compressed)
+                forms = (topics.raw, topics.compressed, *filter(None, (topics.video,)))
                 read = frozenset(topic.name for topic in forms if self.is_needed(topic.name, tick))
                 outputs.append(_Output(mounted, modality, read, displays))
         return outputs
@@ -200,18 +209,30 @@ class CameraNode(Participant):
             image_format = compressed_format(output.encoding, self._depth_form)
             message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
             self.publish(output.topics.compressed.name, message)
+        if encoded.video is not None and output.topics.video is not None:
+            self.publish(output.topics.video.name, video_message(encoded.video, stamp_ns, frame_id))
         for name, picture in encoded.pictures.items():
             self.publish(name, picture)
 
-    def _encode(self, stamp_ns: int, output: _Output) -> _Encoded:
+    def _next_of_video(self, output: _Output) -> Encode | None:
+        """Encoder of an image as the next one of its video; None if that has no reader."""
+        topic = output.topics.video
+        if topic is None or topic.name not in output.read or output.image is None:
+            return None
+        if topic.name not in self._videos:
+            self._videos[topic.name] = VideoStream(output.mounted.camera.width_px, output.mounted.camera.height_px)
+        return self._videos[topic.name].announce()
+
+    def _encode(self, stamp_ns: int, output: _Output, next_of_video: Encode | None) -> _Encoded:
         """Compress an image, and color it, if these forms have readers."""
         image, compressed = output.image, None
         if image is None:
-            return _Encoded(None, {})
+            return _Encoded(None, None, {})
+        video = None if next_of_video is None else next_of_video(image)
         if output.topics.compressed.name in output.read:
             jpeg_quality = output.mounted.jpeg_quality or self._jpeg_quality
             compressed = encode_image(output.encoding, image, jpeg_quality, self._depth_form)
-        return _Encoded(compressed, {each.topic.name: each.make(stamp_ns, image) for each in output.displays})
+        return _Encoded(compressed, video, {each.topic.name: each.make(stamp_ns, image) for each in output.displays})
 
     def _advertise(self) -> Iterator[str]:
         """Create the publishers; yield the names of the topics that can be recorded."""
@@ -220,7 +241,9 @@ class CameraNode(Participant):
             self.advertise(mounted.info)
             yield mounted.info.name
             for topics in mounted.topics.values():
-                for topic in topics:
+                if topics.video is not None:
+                    require_installed(topics.video.type, f"{mounted.camera.name}: video")
+                for topic in filter(None, topics):
                     self.advertise(topic)
                 yield from (topic.name for topic in topics.recorded(compressed=self._compressed))
 

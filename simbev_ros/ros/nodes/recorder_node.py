@@ -37,7 +37,7 @@ from simbev_ros.recording.reader import RawMessage
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.derived_messages import Maker, message_makers
-from simbev_ros.ros.msgs.message_types import message_class
+from simbev_ros.ros.msgs.message_types import message_class, require_installed
 from simbev_ros.ros.msgs.qos import STEERING, rclpy_qos, reader_qos_of
 from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.msgs.tables import table_from_message
@@ -130,6 +130,7 @@ class RecorderNode(GraphNode):
             if topic.period_ticks > 0:
                 return
             self.destroy_subscription(self._subscriptions_by_topic[topic.name])
+        require_installed(topic.type, topic.name)
         qos = rclpy_qos(reader_qos_of(topic, live=self.live))
         self._subscriptions_by_topic[topic.name] = self.create_subscription(
             message_class(topic.type), topic.name, partial(self._receive, topic), qos, raw=True

@@ -18,7 +18,6 @@ from std_srvs.srv import SetBool, Trigger
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.config.agents import driver_participant
-from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.process_memory import freeze_after_loading
 from simbev_ros.foundation.units import NS_PER_S
@@ -28,7 +27,7 @@ from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.conventions.simulation_interfaces import RUN_STATUS
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.drive import goal_message, route_message
-from simbev_ros.ros.msgs.message_types import is_installed, message_class
+from simbev_ros.ros.msgs.message_types import message_class, require_installed
 from simbev_ros.ros.msgs.qos import STATE_READER, STEERING, rclpy_qos
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.signing import content_of, signed_json
@@ -178,9 +177,7 @@ class WorldNode(GraphNode):
         """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
         if (kind := COMMAND_KINDS.get(view.spec.driver)) is not None:
             topic = topics.agent_topic(view.agent, kind.name)
-            if not is_installed(kind.type):
-                package = kind.type.partition("/")[0]
-                raise InputError(f"driver: {view.spec.driver} needs {package}, which `simbev doctor --fix` makes")
+            require_installed(kind.type, f"driver: {view.spec.driver}")
             if topic not in self._commands:
                 receive = partial(self._on_stamped_command, view.agent, topic, kind)
                 qos = rclpy_qos(STATE_READER)

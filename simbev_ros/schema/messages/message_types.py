@@ -12,7 +12,7 @@ from rosbags.typesys.store import Typestore
 from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files
 
 _JAZZY = get_typestore(Stores.ROS2_JAZZY)
-_ADDED_PACKAGES = (OWN_PACKAGE, "vision_msgs", "radar_msgs")
+_ADDED_PACKAGES = (OWN_PACKAGE, "vision_msgs", "radar_msgs", "foxglove_msgs")
 _SEPARATOR = "=" * 80 + "\n"
 
 
@@ -26,7 +26,7 @@ def types_with(type_name: str) -> Typestore:
 
 
 def is_known_type(type_name: str) -> bool:
-    """Whether a message type is one of ROS 2 Jazzy, of vision_msgs, of radar_msgs or of this project."""
+    """Whether a message type is one of ROS 2 Jazzy, of this project, or of a package whose definitions come with it."""
     return type_name in types_with(type_name).fielddefs
 
 

@@ -33,7 +33,7 @@ class CameraDrawing:
     def draw(self, samples: Samples) -> None:
         """Log the image and the boxes; those of an earlier image do not fit, and vanish."""
         if (key := f"{self._name}/rgb") in samples:
-            data = color_jpeg(samples.messages(key)[-1], self._step)
+            data = color_jpeg(samples.messages(key)[-1], self._step, lambda _: samples[key])
             self._log.add(f"{self._entity}/rgb", rr.EncodedImage(contents=data, media_type="image/jpeg"))
             if self._has_boxes and f"{self._name}/boxes" not in samples:
                 self._log.add(f"{self._entity}/boxes", rr.Clear(recursive=True))

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -18,11 +19,11 @@ _COLOR_TYPE_AT = len(_SIGNATURE) + 17
 _INDEXED = 3
 
 
-def color_jpeg(message: Any, step: int) -> bytes:
-    """JPEG of a color image, made smaller by a step; what is recorded is taken as it is if the step is 1."""
-    if step == 1 and hasattr(message, "format"):
+def color_jpeg(message: Any, step: int, decode: Callable[[Any], AnyArray] = image_array) -> bytes:
+    """JPEG of a color image, made smaller by a step; a recorded JPEG is taken as it is if the step is 1."""
+    if step == 1 and "jpeg" in getattr(message, "format", ""):
         return bytes(message.data)
-    image = np.asarray(image_array(message), np.uint8)
+    image = np.asarray(decode(message), np.uint8)
     height_px, width_px = every_pixel(image, step).shape[:2]
     smaller = cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
     return encode_rgb(np.asarray(smaller, np.uint8))

@@ -53,5 +53,6 @@ MESSAGE_PACKAGES = (
     MessagePackage("radar_msgs", "0.2.2", "Apache-2.0", "scans of radars live"),
     MessagePackage("ackermann_msgs", "2.0.2", "BSD-3-Clause", "commands of drivers with ackermann"),
     MessagePackage("simulation_interfaces", "2.1.0", "Apache-2.0", "the standard's services to steer simulators"),
+    MessagePackage("foxglove_msgs", "3.1.0", "MIT", "video of cameras"),
     MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, own services and RunScene"),
 )

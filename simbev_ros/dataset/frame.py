@@ -114,7 +114,7 @@ class Frame(Mapping[str, Any]):
         return int(np.searchsorted(self.scene.stamps_ns, locations[-1, 0])) if len(locations) else None
 
     def messages(self, key: str) -> list[Any]:
-        """Messages of a key with all fields of their ROS types: headers, covariances, JPEG and PNG as recorded.
+        """Messages of a key with all fields of their ROS types: headers, covariances, JPEG, PNG and H.264 as recorded.
 
         Their arrays are views of the file's decompressed chunk, which stays in memory as long as they do.
 

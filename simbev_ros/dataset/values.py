@@ -3,6 +3,7 @@
 | message | value |
 |---|---|
 | Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
+| CompressedVideo | (H, W, 3) uint8 array, decoded with the images since the key frame |
 | PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
 | Actors, TrafficSignals, Boxes, Views, RadarScan | (N,) structured array, like that of the topic's table |
 | Odometry, Imu, NavSatFix | (K,) structured array, a row each: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |

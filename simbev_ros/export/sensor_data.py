@@ -22,7 +22,7 @@ _JPEG = b"\xff\xd8\xff"
 
 
 def recorded_jpeg(frame: Frame, key: str) -> bytes:
-    """JPEG file of an image: as recorded, or encoded if it was recorded raw.
+    """JPEG file of an image: as recorded, or encoded if it was recorded raw or in a video.
 
     Args:
         frame: The frame.

@@ -98,6 +98,8 @@ def test_a_fisheye_comes_from_a_field_of_view_or_a_focal_length() -> None:
         (rig("{type: camera, name: a, cx_px: 300}"), "cx_px without fx_px"),
         (rig("{type: camera, name: a, distortion: [1, 2]}"), r"\[0\]: distortion: has 2 coefficients; plumb_bob takes"),
         (rig("{type: camera, name: a, modalities: [radar]}"), r"\.yaml:\d+: [^\n]*modalities\[0\]: 'radar' .*'raw'$"),
+        (rig("{type: camera, name: a, video: h264, modalities: [depth]}"), "video: needs the modality rgb"),
+        (rig("{type: camera, name: a, video: h264, width_px: 801}"), "video: 801 x 900 pixels; H.264 needs even"),
         (
             rig("{type: camera, name: a, horizontal_fov_deg: 190}"),
             r"is 190; from 170 on, it needs distortion_model: equi",

@@ -3,6 +3,7 @@
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.schema.messages.message_types import message_definition, types_with
 
 if TYPE_CHECKING:
@@ -18,6 +19,6 @@ def schema_of(type_name: str) -> "Schema":
 
 
 def begins_with_stamp(type_name: str) -> bool:
-    """Whether the messages of a known type begin with a Header."""
+    """Whether the messages of a known type begin with a Header or the time of a video's image."""
     fields = types_with(type_name).fielddefs[type_name][1]
-    return bool(fields) and fields[0][1][1] == "std_msgs/msg/Header"
+    return bool(fields) and (fields[0][1][1] == "std_msgs/msg/Header" or type_name == VIDEO_TYPE)

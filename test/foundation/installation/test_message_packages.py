@@ -154,7 +154,7 @@ def test_without_a_compiler_the_packages_of_the_distribution_are_named(monkeypat
     monkeypatch.setattr(libraries.shutil, "which", lambda name: None)
     with pytest.raises(
         SimbevError,
-        match=r"^tf2_msgs, .*, simulation_interfaces, simbev_interfaces cannot be made on this machine: no C",
+        match=r"^tf2_msgs, .*, foxglove_msgs, simbev_interfaces cannot be made on this machine: no C",
     ):
         installer.install_missing()
     assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then ./simbev doctor --fix"
@@ -175,7 +175,7 @@ def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
     assert installer.describe_remedy() == (
         "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-ackermann-msgs "
-        "ros-jazzy-simulation-interfaces; "
+        "ros-jazzy-foxglove-msgs; "
         "build the package in interfaces/ with colcon, and source it"
     )
 
@@ -202,6 +202,7 @@ def test_every_package_has_definitions() -> None:
     assert "msg/TFMessage.msg" in names["tf2_msgs"]
     assert "msg/Detection3DArray.msg" in names["vision_msgs"]
     assert "msg/RadarScan.msg" in names["radar_msgs"]
+    assert names["foxglove_msgs"] == ["msg/CompressedVideo.msg"]
     assert {"srv/LoadScene.srv", "action/RunScene.action"} < set(names["simbev_interfaces"])
 
 

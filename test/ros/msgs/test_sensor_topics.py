@@ -4,6 +4,7 @@ import pytest
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.rig import SENSOR_KINDS
+from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics, topics_of_sensor
 from simbev_ros.ros.msgs.topics import manifest
@@ -88,3 +89,16 @@ def test_the_annotator_reads_one_cloud_per_lidar_and_radar_and_the_instances_of_
         "undisturbed": "/ego/undisturbed/semantic_points",
         "radar": "/ego/radar/points",
     }
+
+
+def test_a_video_is_recorded_in_place_of_jpeg_and_only_if_images_are_compressed() -> None:
+    view = agent_view(made_up_spec([{"type": "camera", "name": "cam", "modalities": ["rgb"], "video": "h264"}]))
+    compressed, raw = ({t.name: t.type for t in sensor_topics(view, compressed_images=form)} for form in (True, False))
+    assert compressed.pop("/ego/cam/rgb/video") == VIDEO_TYPE
+    assert [*compressed] == ["/ego/cam/camera_info", "/ego/cam/rgb/camera_info"]
+    assert [*raw] == ["/ego/cam/camera_info", "/ego/cam/rgb/image_raw", "/ego/cam/rgb/camera_info"]
+
+
+def test_a_camera_without_video_is_specified_as_before() -> None:
+    (camera,) = agent_view(made_up_spec([{"type": "camera", "name": "cam"}])).rig.sensors
+    assert "video" not in camera.model_dump()

@@ -12,13 +12,18 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from waiting import PATIENCE_S
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.values import decode_message
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
+from simbev_ros.recording.video import VIDEO_TYPE, is_key_frame
+from simbev_ros.ros.msgs import message_types
 from simbev_ros.ros.nodes import camera_node
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.schema.scene.spec import SceneSpec
 
 FAST = "/ego/fast/rgb/image_raw/compressed"
 RAW = "/ego/fast/rgb/image_raw"
+VIDEO = "/ego/fast/rgb/video"
 SLOW = "/ego/slow/flow/image_raw"
 
 
@@ -185,3 +190,43 @@ def test_instances_that_only_an_annotator_reads_are_drawn_at_ticks_with_labels(
         assert [modalities for _, modalities, *_ in requests] == [("rgb", "instance"), ("rgb",)]
         monkeypatch.setattr(node, "reader_count", lambda name: 2 * (name == ids))
         assert [tick for *_, tick, _ in play(node, labeled, range(6, 8)).requests[4:]] == [6, 7], "a recorder reads too"
+
+
+@pytest.fixture
+def filmed(spec: SceneSpec) -> SceneSpec:
+    """The same scene with a video of the fast camera."""
+    content = spec.model_dump(mode="json")
+    (fast,) = (each for each in content["agents"][0]["rig"]["sensors"] if each["name"] == "fast")
+    fast["video"] = "h264"
+    return SceneSpec.model_validate(content)
+
+
+def test_a_video_has_a_message_of_each_image_while_it_has_readers(
+    filmed: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("foxglove_msgs")
+    with started_camera_node(filmed, monkeypatch) as node:
+        set_readers(node, monkeypatch, VIDEO)
+        assert play(node, filmed, range(3)).requests == [
+            (16, ("rgb",), tick, tick - 1 if tick else None) for tick in range(3)
+        ]
+        sent = [message for name, message in node.sent if name == VIDEO]
+        set_readers(node, monkeypatch, FAST)
+        play(node, filmed, [3])
+    assert len(sent) == 3 and [name for name, _ in node.sent].count(VIDEO) == 3
+    messages = [decode_message(VIDEO_TYPE, memoryview(each)) for each in sent]
+    assert [is_key_frame(bytes(each.data)) for each in messages] == [True, False, False]
+    assert [(each.format, each.frame_id) for each in messages] == [("h264", "ego/fast_optical")] * 3
+    stamps_ns = [each.timestamp.sec * 10**9 + each.timestamp.nanosec for each in messages]
+    assert stamps_ns == [filmed.stamp_ns(tick) for tick in range(3)]
+
+
+def test_a_video_without_its_message_package_is_refused_with_the_remedy(
+    filmed: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(message_types, "is_installed", lambda name: name != VIDEO_TYPE)
+    with (
+        pytest.raises(InputError, match=r"^fast: video needs foxglove_msgs, which `simbev doctor --fix` makes"),
+        started_camera_node(filmed, monkeypatch),
+    ):
+        pass

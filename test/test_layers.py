@@ -32,6 +32,9 @@ ALONE = {"reference_stack": "foundation.tick_join", "join": None}
 """Import nothing of the house, not even from above, but for this module, which needs nothing but Python."""
 ROS = {
     "ackermann_msgs",
+    "autoware_control_msgs",
+    "autoware_perception_msgs",
+    "autoware_vehicle_msgs",
     "builtin_interfaces",
     "diagnostic_msgs",
     "geometry_msgs",
@@ -45,6 +48,7 @@ ROS = {
     "std_msgs",
     "std_srvs",
     "trajectory_msgs",
+    "unique_identifier_msgs",
     "tf2_msgs",
     "vision_msgs",
     "visualization_msgs",

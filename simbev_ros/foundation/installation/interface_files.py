@@ -8,7 +8,12 @@ from simbev_ros.foundation.installation.shipped_files import shipped_folder
 
 OWN_PACKAGE = "simbev_interfaces"
 """The ROS package of this project's own interfaces, in ``interfaces/`` of a checkout."""
-FOREIGN_PACKAGES = ("tf2_msgs", "vision_msgs", "radar_msgs", "ackermann_msgs", "foxglove_msgs", "simulation_interfaces")
+AUTOWARE_PACKAGES = ("autoware_control_msgs", "autoware_vehicle_msgs", "autoware_perception_msgs")
+"""Those of ``FOREIGN_PACKAGES`` that only the relay for Autoware needs."""
+FOREIGN_PACKAGES = (
+    *("tf2_msgs", "vision_msgs", "radar_msgs", "ackermann_msgs", "foxglove_msgs", "simulation_interfaces"),
+    *AUTOWARE_PACKAGES,
+)
 """ROS packages with definitions in the folder ``definitions`` next to this module."""
 
 _KINDS = ("msg", "srv", "action")

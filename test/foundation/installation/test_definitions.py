@@ -12,6 +12,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from simbev_ros.foundation.installation.interface_files import (
+    AUTOWARE_PACKAGES,
     FOREIGN_PACKAGES,
     OWN_PACKAGE,
     interface_files,
@@ -50,6 +51,22 @@ SIMULATION_HASHES = {
     "srv/StepSimulation": "913fe0653690ce6bf8f09f316e6a626747012e9fca31e26719910d417aa8565c",
 }
 """Likewise of the package simulation_interfaces 2; each covers the types that it refers to."""
+AUTOWARE_HASHES = {
+    "control_msgs/msg/Control": "7818be59aa790ebb777db06e55a2c15e3756de4cc35c80b1e8271afc5bab2e9d",
+    "control_msgs/msg/Lateral": "94d39634041a92db4e460dae93def564fbeb89142e9c64f9c2ed540a182935a1",
+    "control_msgs/msg/Longitudinal": "4ac4a6b5085ee6bb12067b763568abbf68ec3f2baf64b49e1da360aa6413edc1",
+    "vehicle_msgs/msg/ControlModeReport": "968feaa6441be3c3b161f2eb65972a4b15394d0a7ddc4664318551280d1ff222",
+    "vehicle_msgs/msg/Engage": "a865a0a669052a5bb45be203266058660ae8b3be8d080c4567f78d8174f4849e",
+    "vehicle_msgs/msg/GearCommand": "4aa982c6505fafa9bdca2d243d0a71e46ff9a1e7013767f13a533d0a5d30a1a6",
+    "vehicle_msgs/msg/GearReport": "4d14bc3f186c1a6af6a732bb5ebd540cdd742a56770012f4c3cb9e762de8f391",
+    "vehicle_msgs/msg/HazardLightsCommand": "ad2386a78a210625f1fb35f8043ef4e78da58cf01f33c340fa9468e5e8cdd0bc",
+    "vehicle_msgs/msg/HazardLightsReport": "01ce3b4293a5c2799fd7483b2d62a790e26fe8f2b5d60e48149163475685f28a",
+    "vehicle_msgs/msg/SteeringReport": "aa3acc9ca95ebc4daf9dec0ecf87911ad9c196392857c3026bfead589db65a94",
+    "vehicle_msgs/msg/TurnIndicatorsCommand": "657d7f761a9b02c543e4bf3e0000405906b6169dc0bbfd6637c64fe00d98cec7",
+    "vehicle_msgs/msg/TurnIndicatorsReport": "c05a54cd244f1c9d683613b11c87a5b3ef816eed7a5f207368301221731a0964",
+    "vehicle_msgs/msg/VelocityReport": "9052adda949c32f4a98500abc1fb5bd23f2560e321eebdfbb25318d6108d4ce4",
+}
+"""Likewise of Autoware's packages, as CARLA's native interface for ROS 2 announces them."""
 ALL_FILES = [(kind, path) for name in (OWN_PACKAGE, *FOREIGN_PACKAGES) for kind, path in interface_files(name).items()]
 
 
@@ -115,6 +132,16 @@ def test_type_hashes_of_vision_msgs_are_those_of_the_real_package() -> None:
         store.register(get_types_from_msg(path.read_text(encoding="utf-8"), name))
     assert {name: store.hash_rihs01(name) for name in PUBLISHED_HASHES} == {
         name: f"RIHS01_{digest}" for name, digest in PUBLISHED_HASHES.items()
+    }
+
+
+def test_type_hashes_of_autoware_are_those_of_the_real_packages() -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    files = {name: path for package in AUTOWARE_PACKAGES for name, path in interface_files(package).items()}
+    types = [get_types_from_msg(path.read_text(), name) for name, path in files.items() if path.suffix == ".msg"]
+    store.register({name: fields for each in types for name, fields in each.items()})
+    assert {name: store.hash_rihs01(f"autoware_{name}") for name in AUTOWARE_HASHES} == {
+        name: f"RIHS01_{digest}" for name, digest in AUTOWARE_HASHES.items()
     }
 
 

@@ -17,7 +17,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.message_packages import installer, libraries
-from simbev_ros.foundation.installation.message_packages.definitions import MESSAGE_PACKAGES, MessagePackage
+from simbev_ros.foundation.installation.message_packages.definitions import (
+    AUTOWARE_MESSAGES,
+    MESSAGE_PACKAGES,
+    MessagePackage,
+)
 
 needs_compiler = pytest.mark.skipif(
     not installer.is_possible() or libraries.find_compiler_problem() is not None,
@@ -168,6 +172,14 @@ def test_without_the_headers_of_python_they_are_asked_for(monkeypatch: pytest.Mo
         installer.describe_remedy()
         == "no headers of Python: apt-get install g++ python3-dev, then ./simbev doctor --fix"
     )
+
+
+@pytest.mark.usefixtures("outdated")
+def test_set_up_does_not_make_the_packages_of_autoware(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(libraries.shutil, "which", lambda name: None)
+    assert "autoware" not in " ".join(state.package.name for state in installer.survey_packages())
+    with pytest.raises(SimbevError, match=r"^autoware_control_msgs, .*: no C\+\+ compiler: .*, then start it again$"):
+        installer.install_missing(packages=AUTOWARE_MESSAGES)
 
 
 def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,12 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 
-from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files, interface_folder
+from simbev_ros.foundation.installation.interface_files import (
+    AUTOWARE_PACKAGES,
+    OWN_PACKAGE,
+    interface_files,
+    interface_folder,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +61,8 @@ MESSAGE_PACKAGES = (
     MessagePackage("foxglove_msgs", "3.1.0", "MIT", "video of cameras"),
     MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, own services and RunScene"),
 )
+"""Packages that set-up makes."""
+AUTOWARE_MESSAGES = tuple(
+    MessagePackage(name, "1.11.0", "Apache-2.0", "driving by Autoware's topics") for name in AUTOWARE_PACKAGES
+)
+"""Packages that are made when the relay for Autoware starts first, because few need them."""

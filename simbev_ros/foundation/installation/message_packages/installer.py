@@ -37,9 +37,9 @@ class PackageState:
     is_current: bool
 
 
-def survey_packages() -> list[PackageState]:
-    """State of every message package."""
-    return [_state(package) for package in MESSAGE_PACKAGES]
+def survey_packages(packages: Sequence[MessagePackage] = MESSAGE_PACKAGES) -> list[PackageState]:
+    """State of message packages."""
+    return [_state(package) for package in packages]
 
 
 def is_possible() -> bool:
@@ -47,16 +47,19 @@ def is_possible() -> bool:
     return _version(_ORIGIN_OF_ROS) is not None
 
 
-def describe_remedy() -> str | None:
+def describe_remedy(packages: Sequence[MessagePackage] = MESSAGE_PACKAGES) -> str | None:
     """Advice for the user if a package is missing or out of date; None otherwise."""
-    missing = [state.package.name for state in survey_packages() if not state.is_current]
+    missing = [state.package.name for state in survey_packages(packages) if not state.is_current]
     if not missing:
         return None
     if not is_possible():
         return _ros_remedy(missing)
     from simbev_ros.foundation.installation.message_packages.libraries import REMEDY, find_compiler_problem
 
-    problem, fix = find_compiler_problem(), f"{os.environ.get('SIMBEV_COMMAND', 'simbev')} doctor --fix"
+    fix = "start it again"
+    if packages is MESSAGE_PACKAGES:
+        fix = f"{os.environ.get('SIMBEV_COMMAND', 'simbev')} doctor --fix"
+    problem = find_compiler_problem()
     return fix if problem is None else f"{problem}: {REMEDY}, then {fix}"
 
 
@@ -68,11 +71,15 @@ def _ros_remedy(missing: Sequence[str]) -> str:
     return "; ".join(remedies)
 
 
-def install_missing(progress: Callable[[MessagePackage], None] = lambda _: None) -> list[MessagePackage]:
+def install_missing(
+    progress: Callable[[MessagePackage], None] = lambda _: None,
+    packages: Sequence[MessagePackage] = MESSAGE_PACKAGES,
+) -> list[MessagePackage]:
     """Make and install all packages that are missing or made from something else; return them.
 
     Args:
         progress: Called with each package before it is made.
+        packages: The packages that are needed.
 
     Raises:
         SimbevError: A package cannot be made or installed; the message says why.
@@ -85,12 +92,12 @@ def install_missing(progress: Callable[[MessagePackage], None] = lambda _: None)
     from simbev_ros.foundation.installation.message_packages.sources import generate_sources
     from simbev_ros.foundation.installation.message_packages.wheel import pack_wheel
 
-    missing = [state.package for state in survey_packages() if not state.is_current]
+    missing = [state.package for state in survey_packages(packages) if not state.is_current]
     if not missing:
         return []
     if not is_possible() or find_compiler_problem() is not None:
         names = ", ".join(package.name for package in missing)
-        raise SimbevError(f"{names} cannot be made on this machine: {describe_remedy()}")
+        raise SimbevError(f"{names} cannot be made on this machine: {describe_remedy(packages)}")
     with tempfile.TemporaryDirectory(prefix="simbev_messages_") as folder:
         wheels = []
         for package in missing:

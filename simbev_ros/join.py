@@ -62,6 +62,7 @@ class Lockstep:
         scene: The scene that plays, as given to ``load``; None: there has been none yet.
         period_ticks: As above; ``load`` may set it for each scene.
         outputs: Publishers of the node that need a subscriber before a scene is reported as loaded.
+        optional: Topics of subscriptions that need no publisher before that.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Lockstep:
         self.scene: dict[str, Any] | None = None
         self.period_ticks = period_ticks
         self.outputs: list[Any] = []
+        self.optional: set[str] = set()
         self._node, self._name, self._load = node, name, load
         self._polls_connected = 0
         self._announced_s = self._reported_s = 0.0
@@ -132,7 +134,7 @@ class Lockstep:
         """Report the scene as loaded, again and again, once everything is connected; called by a timer."""
         unconnected = {each.topic_name for each in self._node.subscriptions if not each.get_publisher_count()}
         unconnected |= {each.topic_name for each in self.outputs if not each.get_subscription_count()}
-        unconnected -= self._passed_over
+        unconnected -= self._passed_over | self.optional
         self._polls_connected = 0 if unconnected else self._polls_connected + 1
         now_s = time.monotonic()
         if self.scene is None or not self._is_awaited or now_s < self._reported_s + _REPEAT_S:

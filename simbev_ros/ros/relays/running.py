@@ -17,8 +17,8 @@ _WARNING_PERIOD_S = 10.0
 class Relay(Node):
     """Base of the relays. Messages that cannot be relayed, which any process can send, are ignored with a warning."""
 
-    def listen(self, kind: type[Any], topic: str, relay: Callable[[Any], None], qos: QoSProfile) -> None:
-        """Subscribe to a topic.
+    def listen(self, kind: type[Any], topic: str, relay: Callable[[Any], None], qos: QoSProfile) -> str:
+        """Subscribe to a topic; return its name after remapping.
 
         Args:
             kind: Type of its messages.
@@ -35,7 +35,7 @@ class Relay(Node):
                     f"ignored a malformed message on {topic}: {error!r:.200}", throttle_duration_sec=_WARNING_PERIOD_S
                 )
 
-        self.create_subscription(kind, topic, receive, qos)
+        return str(self.create_subscription(kind, topic, receive, qos).topic_name)
 
 
 def run(make_node: Callable[[], Node]) -> None:

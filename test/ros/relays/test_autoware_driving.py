@@ -1,0 +1,186 @@
+"""The relay for Autoware turns commands, status, boxes and lights into what the other side means by them."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from nav_msgs.msg import Odometry
+
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.ros.msgs.stamps import header, time_message
+from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.scene.drive_tables import STATUS_DTYPE
+from simbev_ros.schema.scene.state import SIGNAL_DTYPE, SignalState
+
+pytest.importorskip("autoware_control_msgs", reason="Autoware's messages are not made: start its relay once")
+pytest.importorskip("autoware_perception_msgs")
+from autoware_control_msgs.msg import Control
+from autoware_perception_msgs.msg import ObjectClassification, TrafficLightElement
+from autoware_vehicle_msgs.msg import GearCommand, HazardLightsReport, TurnIndicatorsReport
+
+from simbev_ros.ros.relays.autoware_messages import initial_pose
+from simbev_ros.ros.relays.autoware_objects import object_uuid, predicted_objects, tracked_objects
+from simbev_ros.ros.relays.autoware_signals import (
+    lights_message,
+    read_light_groups,
+    rows_of_groups,
+)
+from simbev_ros.ros.relays.autoware_vehicle import (
+    Indicators,
+    drive_command,
+    engaged_gear,
+    gear_report,
+    steering_report,
+    velocity_report,
+)
+
+STAMP_NS = 7_200_000_000_000
+
+
+def control(acceleration: float | None = None, velocity: float = 0.0, steering: float = 0.1) -> Control:
+    message = Control()
+    message.lateral.steering_tire_angle, message.longitudinal.velocity = steering, velocity
+    message.longitudinal.is_defined_acceleration = acceleration is not None
+    message.longitudinal.acceleration = acceleration or 0.0
+    return message
+
+
+def status(**values: float) -> Any:
+    row = np.zeros(1, STATUS_DTYPE)
+    for name, value in values.items():
+        row[name] = value
+    return row[0]
+
+
+@pytest.mark.parametrize(
+    ("command", "gear", "speed_mps", "speed", "acceleration"),
+    [
+        (control(1.5), GearCommand.DRIVE, 4.0, 5.5, 1.5),
+        (control(-2.0), GearCommand.DRIVE, 4.0, 2.0, 2.0),
+        (control(-2.0), GearCommand.DRIVE, 1.0, 0.0, 2.0),  # it brakes to a standstill, and does not reverse
+        (control(0.0), GearCommand.DRIVE_2, 4.0, 4.0, 0.0),
+        (control(1.0), GearCommand.REVERSE, -2.0, -3.0, 1.0),  # acceleration is along the gear
+        (control(-1.0), GearCommand.REVERSE, -0.5, 0.0, 1.0),
+        (control(1.0), GearCommand.PARK, 0.0, 0.0, 1.0),
+        (control(None, velocity=8.0), GearCommand.DRIVE, 4.0, 8.0, 0.0),
+        (control(None, velocity=-3.0), GearCommand.REVERSE, 0.0, -3.0, 0.0),
+        (control(None, velocity=-3.0), GearCommand.DRIVE, 0.0, 0.0, 0.0),
+    ],
+)
+def test_a_command_accelerates_along_the_gear(
+    command: Control, gear: int, speed_mps: float, speed: float, acceleration: float
+) -> None:
+    drive = drive_command(command, gear, speed_mps)
+    assert (drive.speed, drive.acceleration) == pytest.approx((speed, acceleration))
+    assert drive.steering_angle == pytest.approx(0.1)
+
+
+def test_the_gear_changes_direction_at_a_standstill_only() -> None:
+    assert engaged_gear(GearCommand.DRIVE, GearCommand.REVERSE, 3.0) == GearCommand.DRIVE
+    assert engaged_gear(GearCommand.DRIVE, GearCommand.REVERSE, 0.05) == GearCommand.REVERSE
+    assert engaged_gear(GearCommand.DRIVE, GearCommand.DRIVE_3, 3.0) == GearCommand.DRIVE_3
+    assert engaged_gear(GearCommand.DRIVE, GearCommand.NONE, 0.0) == GearCommand.DRIVE
+
+
+def test_reports_have_the_values_of_odometry_and_status() -> None:
+    odometry = Odometry(header=header(STAMP_NS, "map"))
+    odometry.twist.twist.linear.x, odometry.twist.twist.linear.y, odometry.twist.twist.angular.z = 6.0, -0.2, 0.3
+    report = velocity_report(odometry, "base_link")
+    assert report.header.frame_id == "base_link" and report.header.stamp == odometry.header.stamp
+    values = report.longitudinal_velocity, report.lateral_velocity, report.heading_rate
+    assert values == pytest.approx((6.0, -0.2, 0.3))
+    stamp = time_message(STAMP_NS)
+    assert steering_report(status(steering=-0.25), stamp).steering_tire_angle == pytest.approx(-0.25)
+    assert gear_report(status(gear=2), stamp, None).report == GearCommand.REVERSE
+    assert gear_report(status(gear=1), stamp, None).report == GearCommand.DRIVE
+    assert gear_report(status(gear=1), stamp, GearCommand.PARK).report == GearCommand.PARK
+
+
+def test_indicators_stay_on_between_the_bright_halves_of_their_blinking() -> None:
+    indicators, turns, hazards = Indicators(), [], []
+    for step, bits in enumerate([0, 1, 0, 0, 1, 0, 0, 0, 3]):
+        turn, hazard = indicators.reports(status(indicators=bits), time_message(STAMP_NS + step * 200_000_000))
+        turns.append(turn.report)
+        hazards.append(hazard.report)
+    off, left = TurnIndicatorsReport.DISABLE, TurnIndicatorsReport.ENABLE_LEFT
+    assert turns == [off, left, left, left, left, left, left, off, off]
+    assert hazards == [HazardLightsReport.DISABLE] * 8 + [HazardLightsReport.ENABLE]
+
+
+def boxes() -> Any:
+    """A car that drives along y at 5 m/s, a cone, and a traffic light."""
+    rows = blank_boxes(3)
+    rows["class"] = [BOX_CLASSES.index(name) for name in ("car", "traffic_cone", "traffic_light")]
+    rows["id"], rows["x"], rows["y"] = [7, 8, 70_000], [10.0, 1.0, 2.0], [20.0, 1.0, 2.0]
+    rows["yaw"], rows["vy"], rows["ay"] = math.pi / 2.0, [5.0, 0.0, 0.0], [-1.0, 0.0, 0.0]
+    rows["length"], rows["width"], rows["height"] = 4.0, 2.0, 1.5
+    return rows
+
+
+def test_boxes_become_tracked_objects_with_velocities_in_their_own_frame() -> None:
+    car, cone = tracked_objects(boxes(), STAMP_NS).objects
+    assert [each.classification[0].label for each in (car, cone)] == [
+        ObjectClassification.CAR,
+        ObjectClassification.UNKNOWN,
+    ]
+    linear, accel = car.kinematics.twist_with_covariance.twist.linear, car.kinematics.acceleration_with_covariance.accel
+    assert (linear.x, linear.y) == pytest.approx((5.0, 0.0), abs=1e-6)
+    assert accel.linear.x == pytest.approx(-1.0)
+    assert (car.kinematics.is_stationary, cone.kinematics.is_stationary) == (False, True)
+    assert (car.shape.dimensions.x, car.shape.dimensions.y, car.shape.dimensions.z) == (4.0, 2.0, 1.5)
+    assert list(car.object_id.uuid) == object_uuid(1, 7) == [0] * 11 + [1, 0, 0, 0, 7]
+
+
+def test_predicted_paths_keep_the_velocity_for_ten_seconds() -> None:
+    car, cone = predicted_objects(boxes(), STAMP_NS).objects
+    (path,) = car.kinematics.predicted_paths
+    assert (len(path.path), path.time_step.sec, path.time_step.nanosec) == (21, 0, 500_000_000)
+    assert (path.path[0].position.x, path.path[0].position.y) == pytest.approx((10.0, 20.0))
+    assert (path.path[-1].position.x, path.path[-1].position.y) == pytest.approx((10.0, 70.0))
+    assert {pose.position.y for pose in cone.kinematics.predicted_paths[0].path} == {1.0}
+
+
+def signals(*states: SignalState) -> Any:
+    rows = np.zeros(len(states), SIGNAL_DTYPE)
+    rows["x"], rows["state"] = np.arange(len(states)) * 10.0, states
+    return rows
+
+
+def test_traffic_lights_get_the_ids_of_the_groups_at_their_positions() -> None:
+    groups = {11: np.array([[0.0, 0.1], [20.0, 0.0]]), 12: np.array([[10.1, 0.0]]), 13: np.array([[500.0, 0.0]])}
+    heads = signals(SignalState.RED, SignalState.RED_YELLOW, SignalState.RED)
+    rows = rows_of_groups(groups, heads)
+    assert rows == {11: [0, 2], 12: [1]}
+    first, second = lights_message(rows, heads, time_message(STAMP_NS)).traffic_light_groups
+    element = TrafficLightElement
+    assert (first.traffic_light_group_id, [lamp.color for lamp in first.elements]) == (11, [element.RED])
+    assert (first.elements[0].shape, first.elements[0].status) == (element.CIRCLE, element.SOLID_ON)
+    assert [lamp.color for lamp in second.elements] == [element.RED, element.AMBER]
+    heads["state"][2] = SignalState.GREEN  # the lights of one group contradict each other
+    (lamp,) = lights_message(rows, heads, time_message(STAMP_NS)).traffic_light_groups[0].elements
+    assert (lamp.color, lamp.shape) == (element.UNKNOWN, element.UNKNOWN)
+
+
+def test_every_light_of_an_exported_town_is_in_a_group(tmp_path: Path) -> None:
+    from simbev_ros.export.maps.lanelet2_file import lanelet2_of
+    from simbev_ros.maps.build import load_network
+    from simbev_ros.maps.source import map_spec
+
+    network = load_network(map_spec("Blocks"))
+    (tmp_path / "lanelet2_map.osm").write_bytes(lanelet2_of(network))
+    heads = np.zeros(len(network.signals), SIGNAL_DTYPE)
+    heads["x"], heads["y"], heads["z"] = np.array([signal.position_m for signal in network.signals]).T
+    rows = rows_of_groups(read_light_groups(tmp_path / "lanelet2_map.osm"), heads)
+    assert {row for members in rows.values() for row in members} == set(range(len(heads)))
+    for members in rows.values():
+        assert len({network.signals[row].programme for row in members}) == 1
+
+
+def test_the_initial_pose_is_that_of_the_odometry() -> None:
+    odometry = Odometry(header=header(STAMP_NS, "map"))
+    odometry.pose.pose.position.x = 3.0
+    message = initial_pose(odometry)
+    assert (message.header.frame_id, message.pose.pose.position.x) == ("map", 3.0)
+    assert (message.pose.covariance.reshape(6, 6).diagonal() > 0.0).all()

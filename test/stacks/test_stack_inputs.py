@@ -27,6 +27,12 @@ RELAYED = {
     "/sensing/vehicle_velocity_converter/twist_with_covariance",
     "/sensing/lidar/top/pointcloud_raw_ex",
     "/map",
+    *(f"/vehicle/status/{name}_status" for name in ("velocity", "steering", "gear", "turn_indicators", "hazard_lights")),
+    "/vehicle/status/control_mode",
+    "/perception/object_recognition/objects",
+    "/perception/object_recognition/tracking/objects",
+    "/perception/traffic_light_recognition/traffic_signals",
+    "/initialpose3d",
 }
 FIELD_TYPES = {1: "INT8", 2: "UINT8", 3: "INT16", 4: "UINT16", 5: "INT32", 6: "UINT32", 7: "FLOAT32", 8: "FLOAT64"}
 

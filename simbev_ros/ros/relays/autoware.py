@@ -40,9 +40,6 @@ class AutowareRelay(Relay):
         base_frame: Frame of the velocity and of reports.
         lockstep: Whether each tick waits for a command of Autoware.
         lanelet2_map: Autoware's map, whose ids traffic lights get; by default that of the scene.
-
-    Attributes:
-        odometry: Name of the topic with the ego's motion.
     """
 
     def __init__(self, *, context: Context | None = None) -> None:
@@ -65,14 +62,14 @@ class AutowareRelay(Relay):
             self._driving = of_package(f"{parts}driving").AutowareDriving(self, self._base_frame, waits=waits)
             self._truth = of_package(f"{parts}truth").AutowareTruth(self, Path(lanelet2_map) if lanelet2_map else None)
         self.listen(PointCloud2, "/ego/lidar/points", self._on_points, qos_profile_sensor_data)
-        self.odometry = self.listen(Odometry, "/ego/odom", self._on_odometry, QoSProfile(depth=100))
+        self._odometry = self.listen(Odometry, "/ego/odom", self._on_odometry, QoSProfile(depth=100))
         self.listen(String, "/world/scene", self._on_scene, _LATCHED)
 
     def _on_scene(self, message: String) -> None:
         self._has_pose = False
         scene = SceneSpec.from_json(message.data)
         if self._driving is not None:
-            self._driving.start_scene(scene)
+            self._driving.start_scene(scene, self._odometry)
         if self._truth is not None:
             self._truth.start_scene(scene)
 

@@ -79,13 +79,18 @@ class AutowareDriving:
         node.listen(Engage, "/vehicle/engage", self._on_engage, _RELIABLE)
         node.create_service(ControlModeCommand, "/control/control_mode_request", self._on_mode_request)
 
-    def start_scene(self, scene: SceneSpec) -> None:
-        """Forget the commands for the scene before, and drive the ego if it is to be driven."""
+    def start_scene(self, scene: SceneSpec, odometry: str) -> None:
+        """Forget the commands for the scene before, and drive the ego if it is to be driven.
+
+        Args:
+            scene: The scene.
+            odometry: The only topic of the relay that the scene has to wait for.
+        """
         self._control, self._indicators = None, Indicators()
         self._unanswered.clear()
         if scene.agents[0].driver == "ackermann" and self._lockstep is None:
             self._lockstep = Lockstep(self._node, driver_participant(scene.agents[0].rig.agent))
-            self._lockstep.optional |= {each.topic_name for each in self._node.subscriptions} - {self._node.odometry}
+            self._lockstep.optional |= {each.topic_name for each in self._node.subscriptions} - {odometry}
             self._lockstep.outputs.append(self._commands)
 
     def on_odometry(self, odometry: Odometry) -> None:

@@ -38,7 +38,7 @@ _LABELS = {
     "traffic_cone": ObjectClassification.UNKNOWN,
     "barrier": ObjectClassification.UNKNOWN,
 }
-"""Labels of our classes; lights and signs are no objects for Autoware. It has no label for obstacles."""
+"""Labels of our classes; Autoware does not count lights and signs as objects, and has no label for obstacles."""
 
 
 class _Object(NamedTuple):

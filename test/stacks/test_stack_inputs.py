@@ -27,7 +27,10 @@ RELAYED = {
     "/sensing/vehicle_velocity_converter/twist_with_covariance",
     "/sensing/lidar/top/pointcloud_raw_ex",
     "/map",
-    *(f"/vehicle/status/{name}_status" for name in ("velocity", "steering", "gear", "turn_indicators", "hazard_lights")),
+    *(
+        f"/vehicle/status/{name}_status"
+        for name in ("velocity", "steering", "gear", "turn_indicators", "hazard_lights")
+    ),
     "/vehicle/status/control_mode",
     "/perception/object_recognition/objects",
     "/perception/object_recognition/tracking/objects",

@@ -149,6 +149,16 @@ def test_an_input_that_nobody_publishes_is_waited_for_once(
     assert capfd.readouterr().err.count("nothing publishes /nobody; not waiting for it") == 1
 
 
+def test_an_optional_input_is_not_waited_for(world: World, capfd: pytest.CaptureFixture[str]) -> None:
+    world.appear()
+    world.stack.create_subscription(String, "/nobody", lambda message: None, 10)
+    with Lockstep(world.stack, NAME) as lockstep:
+        lockstep.optional.add("/nobody")
+        world.announce(FIRST)
+        world.spin_until(lambda: world.lockstep.all_loaded)
+    assert "nothing publishes" not in capfd.readouterr().err
+
+
 def test_slow_inputs_are_reported_up_to_the_tick_before_the_next_one(world: World) -> None:
     world.appear()
     with Lockstep(world.stack, NAME, period_ticks=6) as lockstep:

@@ -1,5 +1,6 @@
 """Playing scenes that ROS nodes ask for: the core of ``simbev run --serve``."""
 
+import importlib
 import math
 import time
 from collections.abc import Generator
@@ -19,7 +20,8 @@ from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
 from simbev_ros.foundation.files.input_file import path_exists
 from simbev_ros.foundation.files.limits import MAX_ORDERED_SAMPLES, MAX_ORDERED_SENSORS, MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import require_writable
-from simbev_ros.foundation.installation.message_packages.installer import describe_remedy
+from simbev_ros.foundation.installation.message_packages.definitions import SERVED_MESSAGES
+from simbev_ros.foundation.installation.message_packages.installer import install_missing
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.production.drawing import draw_accepted
@@ -31,7 +33,6 @@ from simbev_ros.production.record_folder import hold_record_folder
 from simbev_ros.production.surroundings import build_surroundings, load_roads
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
-from simbev_ros.ros.conventions.simulation_interfaces import has_simulation_interfaces
 from simbev_ros.ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.ros.graph.scene_services import require_interfaces, scene_services
@@ -186,9 +187,7 @@ def serve_scenes(
         GraphError: A node died while no scene was played.
     """
     require_interfaces()
-    if not has_simulation_interfaces():
-        words = f"services of simulation_interfaces are left out: {describe_remedy() or 'it is not installed'}"
-        observer.notify(GraphWarned("scenes", words))
+    _make_simulation_interfaces(observer)
     if dataset is not None:
         require_writable(dataset)
     queue = SceneQueue(OrderDrawer(scenario, dataset, observer).draw)
@@ -204,6 +203,17 @@ def serve_scenes(
                 graph.wait(_IDLE_S)
             elif (bag := _play(graph, ordered, dataset, observer, live=live)) is not None:
                 yield bag
+
+
+def _make_simulation_interfaces(observer: ProductionObserver) -> None:
+    """Make the package if it is missing; tell the observer, also if that is impossible."""
+    try:
+        install_missing(
+            lambda package: observer.notify(GraphWarned("scenes", f"making {package.name}, once")), SERVED_MESSAGES
+        )
+    except SimbevError as error:
+        observer.notify(GraphWarned("scenes", f"its services are left out: {error}"))
+    importlib.invalidate_caches()
 
 
 class _Graph:

@@ -1,18 +1,18 @@
 """Makes and installs the missing message packages for ``./simbev``, as ``python -m`` with the name of this package.
 
-It prints each package, and one line if something is missing. With ``autoware``, it makes those of Autoware's relay.
+It prints each package, and one line if something is missing. With names of ``ON_DEMAND``, it makes those.
 """
 
 import sys
 
 from simbev_ros.foundation.errors import SimbevError
-from simbev_ros.foundation.installation.message_packages.definitions import AUTOWARE_MESSAGES, MESSAGE_PACKAGES
+from simbev_ros.foundation.installation.message_packages.definitions import MESSAGE_PACKAGES, ON_DEMAND
 from simbev_ros.foundation.installation.message_packages.installer import install_missing
 
 
 def main() -> int:
     """Make what is missing; return the exit code."""
-    packages = AUTOWARE_MESSAGES if sys.argv[1:] == ["autoware"] else MESSAGE_PACKAGES
+    packages = [each for name in sys.argv[1:] for each in ON_DEMAND[name]] or MESSAGE_PACKAGES
     try:
         made = install_missing(lambda package: print(f"making {package.name}", flush=True), packages)
     except SimbevError as error:

@@ -57,7 +57,6 @@ MESSAGE_PACKAGES = (
     MessagePackage("vision_msgs", "4.1.1", "Apache-2.0", "detections and label_info live"),
     MessagePackage("radar_msgs", "0.2.2", "Apache-2.0", "scans of radars live"),
     MessagePackage("ackermann_msgs", "2.0.2", "BSD-3-Clause", "commands of drivers with ackermann"),
-    MessagePackage("simulation_interfaces", "2.1.0", "Apache-2.0", "the standard's services to steer simulators"),
     MessagePackage("foxglove_msgs", "3.1.0", "MIT", "video of cameras"),
     MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, own services and RunScene"),
 )
@@ -65,4 +64,8 @@ MESSAGE_PACKAGES = (
 AUTOWARE_MESSAGES = tuple(
     MessagePackage(name, "1.11.0", "Apache-2.0", "driving by Autoware's topics") for name in AUTOWARE_PACKAGES
 )
-"""Packages that are made when the relay for Autoware starts first, because few need them."""
+SERVED_MESSAGES = (
+    MessagePackage("simulation_interfaces", "2.1.0", "Apache-2.0", "the standard's services to steer simulators"),
+)
+ON_DEMAND = {"autoware": AUTOWARE_MESSAGES, "serve": SERVED_MESSAGES}
+"""Packages that few need: those of the relay for Autoware and of ``--serve``, made when these start first."""

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ pytest.importorskip("autoware_control_msgs", reason="Autoware's messages are not
 pytest.importorskip("autoware_perception_msgs")
 from autoware_control_msgs.msg import Control
 from autoware_perception_msgs.msg import ObjectClassification, TrafficLightElement
-from autoware_vehicle_msgs.msg import GearCommand, HazardLightsReport, TurnIndicatorsReport
+from autoware_vehicle_msgs.msg import Engage, GearCommand, HazardLightsReport, TurnIndicatorsReport
+from autoware_vehicle_msgs.srv import ControlModeCommand
 
+from simbev_ros.ros.relays.autoware_driving import AutowareDriving
 from simbev_ros.ros.relays.autoware_messages import initial_pose
 from simbev_ros.ros.relays.autoware_objects import object_uuid, predicted_objects, tracked_objects
 from simbev_ros.ros.relays.autoware_signals import (
@@ -184,3 +187,87 @@ def test_the_initial_pose_is_that_of_the_odometry() -> None:
     message = initial_pose(odometry)
     assert (message.header.frame_id, message.pose.pose.position.x) == ("map", 3.0)
     assert (message.pose.covariance.reshape(6, 6).diagonal() > 0.0).all()
+
+
+class FakeRelay:
+    """Keeps what is published, and the callbacks, by topic."""
+
+    def __init__(self) -> None:
+        self.sent: dict[str, list[Any]] = {}
+        self.callbacks: dict[str, Any] = {}
+
+    def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
+        return SimpleNamespace(publish=self.sent.setdefault(topic, []).append)
+
+    def listen(self, kind: Any, topic: str, callback: Any, qos: Any) -> None:
+        self.callbacks[topic] = callback
+
+    def create_service(self, kind: Any, name: str, callback: Any) -> None:
+        self.callbacks[name] = callback
+
+    @property
+    def commands(self) -> list[tuple[float, float]]:
+        """Stamp in s after the first one and speed of each command of ours."""
+        return [
+            ((each.header.stamp.sec * 10**9 + each.header.stamp.nanosec - STAMP_NS) / 1e9, each.drive.speed)
+            for each in self.sent["/ego/ackermann_cmd"]
+        ]
+
+
+def driving(*, waits: bool = False) -> tuple[FakeRelay, AutowareDriving]:
+    """The part that drives, in a scene, without ROS."""
+    relay: Any = FakeRelay()
+    part = AutowareDriving(relay, "base_link", waits=waits)
+    lockstep: Any = SimpleNamespace(scene={}, finished=lambda stamp: None)
+    part._lockstep = lockstep
+    return relay, part
+
+
+def moving(at_s: float, speed_mps: float = 5.0) -> Odometry:
+    odometry = Odometry(header=header(STAMP_NS + round(at_s * 1e9), "map"))
+    odometry.twist.twist.linear.x = speed_mps
+    return odometry
+
+
+def stamped(at_s: float) -> Control:
+    message = control(1.0)
+    message.stamp = time_message(STAMP_NS + round(at_s * 1e9))
+    return message
+
+
+def test_the_ego_brakes_before_the_first_command_and_when_autoware_is_silent() -> None:
+    relay, part = driving()
+    part.on_odometry(moving(0.0))
+    relay.callbacks["/control/command/control_cmd"](stamped(0.0))
+    for at_s in (0.05, 0.5, 0.55):
+        part.on_odometry(moving(at_s))
+    assert relay.commands == [(0.0, 0.0), (0.05, 6.0), (0.5, 6.0), (0.55, 0.0)]
+
+
+def test_the_ego_brakes_in_manual_mode() -> None:
+    relay, part = driving()
+    relay.callbacks["/control/command/control_cmd"](stamped(0.0))
+    relay.callbacks["/vehicle/engage"](Engage(engage=False))
+    part.on_odometry(moving(0.0))
+    request = relay.callbacks["/control/control_mode_request"]
+    answers = [
+        request(ControlModeCommand.Request(mode=mode), ControlModeCommand.Response()).success
+        for mode in (ControlModeCommand.Request.AUTONOMOUS_STEER_ONLY, ControlModeCommand.Request.AUTONOMOUS)
+    ]
+    part._heard_ns = part._now_ns
+    part.on_odometry(moving(0.05))
+    assert answers == [False, True]
+    assert relay.commands == [(0.0, 0.0), (0.05, 6.0)]
+    assert [report.mode for report in relay.sent["/vehicle/status/control_mode"]] == [4, 1]
+
+
+def test_in_lockstep_a_tick_waits_for_a_command_that_is_not_older() -> None:
+    relay, part = driving(waits=True)
+    relay.callbacks["/control/command/control_cmd"](stamped(0.0))
+    for at_s in (0.0, 0.05, 0.1):
+        part.on_odometry(moving(at_s))
+    assert [at_s for at_s, _ in relay.commands] == [0.0]
+    relay.callbacks["/control/command/control_cmd"](stamped(0.05))
+    assert [at_s for at_s, _ in relay.commands] == [0.0, 0.05]
+    relay.callbacks["/control/command/control_cmd"](stamped(0.12))
+    assert [at_s for at_s, _ in relay.commands] == [0.0, 0.05, 0.1]

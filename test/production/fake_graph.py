@@ -68,7 +68,13 @@ class FakeSession:
         return []
 
     def play(
-        self, spec: SceneSpec, progress: Progress, replay: Path | None = None, config: Scenario | None = None
+        self,
+        spec: SceneSpec,
+        progress: Progress,
+        replay: Path | None = None,
+        config: Scenario | None = None,
+        *,
+        paused: bool = False,
     ) -> SceneEnd:
         self._graph.log.append(spec.name)
         self._graph.replays.append(replay)

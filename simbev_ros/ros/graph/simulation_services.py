@@ -132,7 +132,7 @@ class SimulationServices:
         if scene.phase in (Phase.WAITING, Phase.LOADING):
             return _LOADING
         status = self._status()
-        if not status["scene"]:  # its last files are being written
+        if not status["running"]:  # its last files are being written
             with suppress(FutureTimeoutError):
                 scene.outcome.result(_ANSWER_S)
             return _STOPPED
@@ -189,7 +189,7 @@ class SimulationServices:
         if not (answer := self._call(self._world_step, Trigger.Request())).success:
             raise Refused("RESULT_OPERATION_FAILED", answer.message)
         end_s = time.monotonic() + _STEP_S
-        while (status := self._status())["scene"] and status["finished_tick"] < tick:
+        while (status := self._status())["running"] and status["finished_tick"] < tick:
             if time.monotonic() > end_s:
                 raise Refused("RESULT_OPERATION_FAILED", f"tick {tick} is not finished within {_STEP_S:g} s")
             time.sleep(_POLL_S)

@@ -64,11 +64,11 @@ class LoadedScene:
 def run_status(scene: LoadedScene | None, next_tick: int, paused: bool, lockstep: LockstepWindow) -> str:
     """JSON: name of the scene that runs (empty: none), next tick, tick that all have finished, first tick, paused."""
     if scene is None or scene.end is not None:
-        return json.dumps({"scene": ""})
+        return json.dumps({"running": ""})
     finished = lockstep.finished_by_all() if lockstep.participants else next_tick - 1
     return json.dumps(
         {
-            "scene": scene.spec.name,
+            "running": scene.spec.name,
             "next_tick": next_tick,
             "finished_tick": _NONE_FINISHED if finished is None else min(finished, next_tick - 1),
             "first_tick": -scene.spec.lead_in_ticks,

@@ -187,6 +187,7 @@ class RecorderNode(GraphNode):
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and self._manifest[topic].sporadic:  # its tick has already been written
             self._writer.write(topic, stamp_ns, payload)
+            self._finish_after_last(spec)
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick

@@ -36,7 +36,7 @@ from simbev_ros.ros.relays.autoware_vehicle import (
 )
 from simbev_ros.ros.relays.running import Relay
 from simbev_ros.schema.scene.drive_tables import STATUS_DTYPE
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 
 _RELIABLE = QoSProfile(depth=5)
 _QUEUE = 100
@@ -86,7 +86,7 @@ class AutowareDriving:
             scene: The scene.
             odometry: The only topic of the relay that the scene has to wait for.
         """
-        self._control, self._indicators = None, Indicators()
+        self._control, self._steering_rad, self._indicators = None, 0.0, Indicators()
         self._unanswered.clear()
         if scene.agents[0].driver == "ackermann" and self._lockstep is None:
             self._lockstep = Lockstep(self._node, driver_participant(scene.agents[0].rig.agent))
@@ -110,7 +110,7 @@ class AutowareDriving:
                 return
             self._unanswered.popleft()
             command = AckermannDriveStamped(header=odometry.header)
-            is_driving = self._control is not None and self._now_ns - self._heard_ns <= _SILENCE_NS
+            is_driving = self._control is not None and 0 <= self._now_ns - self._heard_ns <= _SILENCE_NS
             if is_driving and self._mode == ControlModeReport.AUTONOMOUS:
                 command.drive = drive_command(self._control, self._gear, odometry.twist.twist.linear.x)
             else:
@@ -122,7 +122,8 @@ class AutowareDriving:
     def _is_awaited(self, stamp_ns: int) -> bool:
         if not self._waits or self._control is None or self._mode != ControlModeReport.AUTONOMOUS:
             return False
-        return stamp_of(self._control.stamp) < stamp_ns
+        control_ns = stamp_of(self._control.stamp)
+        return control_ns < stamp_ns and scene_number_of(control_ns) == scene_number_of(stamp_ns)
 
     def _on_status(self, message: PointCloud2) -> None:
         (status,) = rows_from_message(message, STATUS_DTYPE)

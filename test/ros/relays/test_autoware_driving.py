@@ -271,3 +271,20 @@ def test_in_lockstep_a_tick_waits_for_a_command_that_is_not_older() -> None:
     assert [at_s for at_s, _ in relay.commands] == [0.0, 0.05]
     relay.callbacks["/control/command/control_cmd"](stamped(0.12))
     assert [at_s for at_s, _ in relay.commands] == [0.0, 0.05, 0.1]
+
+
+@pytest.mark.parametrize("start_s", [0.0, 3600.0])
+def test_a_late_command_for_the_scene_before_neither_drives_nor_holds_up_the_next_one(start_s: float) -> None:
+    relay, part = driving(waits=True)
+    part.on_odometry(moving(60.0))
+    scene: Any = SimpleNamespace(agents=[SimpleNamespace(driver="ackermann")])
+    part.start_scene(scene, "/ego/odom")  # the next one, or the same one again
+    relay.callbacks["/control/command/control_cmd"](stamped(60.0))
+    for at_s in (start_s, start_s + 0.05):
+        part.on_odometry(moving(at_s))
+    assert relay.commands[1:] == [(start_s, 0.0), (start_s + 0.05, 0.0)]
+    relay.callbacks["/control/command/control_cmd"](stamped(start_s + 0.05))
+    part.on_odometry(moving(start_s + 0.1))
+    assert len(relay.commands) == 3
+    relay.callbacks["/control/command/control_cmd"](stamped(start_s + 0.1))
+    assert relay.commands[3:] == [(start_s + 0.1, 6.0)]

@@ -3,8 +3,6 @@
 A drive ends at its goal, in standstill, off its route, or after its time. A scene also ends when the supervisor asks.
 """
 
-import math
-
 import numpy as np
 from pydantic import Field
 
@@ -53,7 +51,7 @@ class SceneEndDetector:
             return None
         self._events += len(state.events)
         ego, max_ticks = state.ego, self._spec.end_after_standing_ticks
-        speed_mps = math.hypot(ego["vx"], ego["vy"])
+        speed_mps = float(np.hypot(ego["vx"], ego["vy"]))  # rounded as in the referee, which must see the same end
         self._standing_ticks = self._standing_ticks + 1 if speed_mps < STANDING_MPS else 0
         if max_ticks is not None and self._standing_ticks >= max_ticks:
             standing_s = max_ticks * self._spec.tick_ns / NS_PER_S

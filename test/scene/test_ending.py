@@ -1,11 +1,15 @@
 """When and why a scene ends."""
 
+import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from simbev_ros.evaluation.driving.moment import Moment
 from simbev_ros.scene.ending import DURATION, SceneEnd, SceneEndDetector
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, WorldState
 
 
 def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> SceneEndDetector:
@@ -61,3 +65,14 @@ def test_the_end_of_a_drive_says_that_the_referee_has_a_last_score() -> None:
     stopped.end_soon("enough")
     end = stopped.end_at(SimpleNamespace(tick=3, ego=ego, events=()))  # type: ignore[arg-type]
     assert end is not None and not end.judged
+
+
+def test_the_speed_by_which_a_drive_ends_is_rounded_as_the_referee_rounds_it() -> None:
+    ego = np.zeros((), ACTOR_DTYPE)
+    ego["id"], ego["vx"], ego["vy"] = EGO_ID, 0.06, 0.08
+    seen: list[float] = []
+    detector = watch(None)
+    detector._drive = SimpleNamespace(end_at=lambda *values: seen.append(values[2]))  # type: ignore[assignment]
+    state = WorldState(0, 0, EGO_ID, ego[None], np.zeros(0), SimpleNamespace())  # type: ignore[arg-type]
+    detector.end_at(state)
+    assert seen == [Moment(state, 0.05, None, 0.0).speed_mps] != [math.hypot(ego["vx"], ego["vy"])]

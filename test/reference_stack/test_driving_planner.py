@@ -141,6 +141,14 @@ def test_what_stands_in_the_lane_is_passed_beside_it_and_the_route_taken_again()
     assert driven[-1, 1] > 150.0 and driven[-1, 2] == 0.0
 
 
+def test_with_ticks_of_a_second_what_stands_in_the_lane_is_passed_too() -> None:
+    planner = Planner(RouteLine(route(STRAIGHT)), LENGTH_M, WIDTH_M, 1.0, np.full((len(STRAIGHT), 1), LANE_M))
+    for _ in range(8):
+        planner.advance_to(np.array([70.0, 0.0]))
+        planner.plan(0.0, others(BLOCK), [])
+    assert planner.line.points_at(np.array([90.0]))[0, 1] == pytest.approx(LANE_M, abs=0.01)
+
+
 def test_one_that_has_only_just_stopped_is_waited_for() -> None:
     stops = lambda time_s: ((min(40.0 + 8.0 * time_s, 120.0), 0.0, 0.0, 8.0 * (time_s < 10.0), 0.0),)  # noqa: E731
     driven = pass_by(stops, 25.0)

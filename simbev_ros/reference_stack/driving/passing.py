@@ -66,7 +66,7 @@ class Passing:
         aside_m = self._aside_m(now.left_m[blocks, 0])
         ways = self._ways(kept, distance_m, speed_mps, *block_m, aside_m) if np.isfinite(block_m[0]) else []
         gap_m = block_m[0] - distance_m - self._length_m / 2.0
-        waited_s, tries = self._ticks * self._tick_s, self._ticks % round(_TRY_S / self._tick_s) == 0
+        waited_s, tries = self._ticks * self._tick_s, self._ticks % max(round(_TRY_S / self._tick_s), 1) == 0
         for line, until_m, (patience_s, min_gap_m) in ways if tries and gap_m < _NEAR_M else []:
             rest = others.chosen(~on_path | (begin_m > block_m[1]))
             is_due = waited_s >= patience_s and gap_m > min_gap_m

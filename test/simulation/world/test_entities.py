@@ -178,6 +178,20 @@ def test_traffic_stops_behind_a_spawned_vehicle_and_drives_on_when_it_is_deleted
         assert np.hypot(state.ego["vx"], state.ego["vy"]) > 3.0
 
 
+def test_an_entity_may_leave_the_roads_and_come_back() -> None:
+    spec = street(vehicles=1)
+    with Simulation(spec, blocks()) as simulation:
+        for _ in range(spec.warm_up_ticks):
+            state = simulation.step()
+        actor = simulation.entities.spawn(SEDAN, motion_ahead(state, 35.0))
+        for position in (motion_ahead(state, 35.0), motion(500.0, 500.0), motion_ahead(state, 35.0)):
+            simulation.entities.place(actor, position)
+            simulation.step()
+        states = [simulation.step() for _ in range(200)]
+    assert states[-1].distance_to_ego_m[-1] < 10.0
+    assert np.hypot(states[-1].ego["vx"], states[-1].ego["vy"]) < 0.1, "the ego waits behind it again"
+
+
 def test_an_actor_of_the_traffic_that_is_moved_or_deleted_leaves_the_road() -> None:
     spec = street(pedestrians=4)
     with Simulation(spec, blocks()) as simulation:

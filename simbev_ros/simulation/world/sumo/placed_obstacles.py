@@ -27,6 +27,7 @@ class PlacedObstacles:
 
     def __init__(self) -> None:
         self.placed: set[int] = set()
+        self._typed: set[int] = set()  # SUMO keeps the types of those that have left the roads
 
     def place(self, obstacles: Mapping[int, Obstacle]) -> None:
         """Place all obstacles, by number, at the next step; other ones are taken off the roads.
@@ -47,12 +48,14 @@ class PlacedObstacles:
         name, ((length_m, width_m, height_m), center_m, forward) = f"{_NAME}{number}", obstacle
         if number not in self.placed:
             self.placed.add(number)
-            libsumo.vehicletype.copy(_DEFAULT_TYPE, name)
-            libsumo.vehicletype.setVehicleClass(name, "ignoring")
-            libsumo.vehicletype.setMinGap(name, 0.0)
-            libsumo.vehicletype.setLength(name, length_m)
-            libsumo.vehicletype.setWidth(name, width_m)
-            libsumo.vehicletype.setHeight(name, height_m)
+            if number not in self._typed:
+                self._typed.add(number)
+                libsumo.vehicletype.copy(_DEFAULT_TYPE, name)
+                libsumo.vehicletype.setVehicleClass(name, "ignoring")
+                libsumo.vehicletype.setMinGap(name, 0.0)
+                libsumo.vehicletype.setLength(name, length_m)
+                libsumo.vehicletype.setWidth(name, width_m)
+                libsumo.vehicletype.setHeight(name, height_m)
             libsumo.vehicle.add(name, "", name)
             libsumo.vehicle.setSpeedMode(name, NO_CHECKS)
             libsumo.vehicle.setLaneChangeMode(name, 0)

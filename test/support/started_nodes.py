@@ -38,11 +38,13 @@ def collecting_node(kind: str, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch,
     """
     rclpy.init(args=["--ros-args", *arguments] if arguments else None, domain_id=DOMAIN)
     made: Any = node_class(kind)(NodeName(kind, "ego"))
-    made.sent, made.reported = [], []
-    made.recorded_topics = made.start_scene(spec)
-    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
-    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
-    yield made
-    made.close()
-    made.destroy_node()
-    rclpy.shutdown()
+    try:
+        made.sent, made.reported = [], []
+        made.recorded_topics = made.start_scene(spec)
+        monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+        monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
+        yield made
+    finally:
+        made.close()
+        made.destroy_node()
+        rclpy.shutdown()

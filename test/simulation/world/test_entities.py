@@ -192,6 +192,15 @@ def test_an_entity_may_leave_the_roads_and_come_back() -> None:
     assert np.hypot(states[-1].ego["vx"], states[-1].ego["vy"]) < 0.1, "the ego waits behind it again"
 
 
+def test_an_entity_may_stand_on_the_pavement_where_people_wait_at_a_junction() -> None:
+    spec = scene(vehicles=24, pedestrians=0)
+    with Simulation(spec, blocks()) as simulation:
+        state = simulation.step()
+        actor = simulation.entities.spawn(SEDAN, motion(25.1, 216.3, np.pi / 2.0))  # its front is beyond the road
+        states = [state, *(simulation.step() for _ in range(5))]
+    assert states[-1].actors["y"][states[-1].actors["id"] == actor] == pytest.approx(216.3)
+
+
 def test_an_actor_of_the_traffic_that_is_moved_or_deleted_leaves_the_road() -> None:
     spec = street(pedestrians=4)
     with Simulation(spec, blocks()) as simulation:

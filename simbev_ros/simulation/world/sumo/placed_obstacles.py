@@ -51,7 +51,7 @@ class PlacedObstacles:
             if number not in self._typed:
                 self._typed.add(number)
                 libsumo.vehicletype.copy(_DEFAULT_TYPE, name)
-                libsumo.vehicletype.setVehicleClass(name, "ignoring")
+                libsumo.vehicletype.setVehicleClass(name, "passenger")  # SUMO crashes if it takes walking areas, too
                 libsumo.vehicletype.setMinGap(name, 0.0)
                 libsumo.vehicletype.setLength(name, length_m)
                 libsumo.vehicletype.setWidth(name, width_m)

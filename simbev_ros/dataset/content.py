@@ -43,7 +43,7 @@ class Source:
         bag: The bag.
         topic: The topic.
         base_link_x_m: For an agent's true motion, x of base_link, the point with the recorded motion, in its ego frame.
-        video: Decoder of a video's images; None: the topic is none.
+        video: Decoder of the images of a video; None for other topics.
     """
 
     bag: IndexedBag

@@ -136,7 +136,7 @@ def _lanes_beside(line: RouteLine, network: RoadNetwork) -> Float64Array:
 
 
 def _grip(scene: Mapping[str, Any]) -> float:
-    """Least friction of the road during a scene, by that of a dry one."""
+    """Minimum friction of the road during a scene, relative to a dry one."""
     weathers = (Weather.model_validate(each) for each in (scene["weather"], scene.get("final_weather")) if each)
     return min(road_friction(each, with_snow=True) for each in weathers)
 

@@ -11,7 +11,7 @@ from simbev_ros.reference_stack.driving.route_line import RouteLine
 
 _STANDING_MPS, _SEEN_M = 0.1, 80.0
 _DOOR_M, _CLEAR_M, _BESIDE_M = 1.0, 1.6, 0.6  # an open door, the wanted distance, and what may be in the path
-_SIDEWAYS_MPS, _SLOPES, _LEAD_M = 0.3, (0.03, 0.12), 3.0  # to the side: speed, by distance; all the way so far before
+_SIDEWAYS_MPS, _SLOPES, _LEAD_M = 0.3, (0.03, 0.12), 3.0  # to the side: speed, by distance; completed this far before
 _STEP_M = 0.02
 _BRAKED_S = 0.8  # time that an opening door leaves for braking, after the reaction
 

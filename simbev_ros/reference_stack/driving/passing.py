@@ -77,7 +77,7 @@ class Passing:
         return kept, block_m[0] - _KEEP_M if waits else np.inf
 
     def _aside_m(self, near_m: Floats) -> float:
-        """How far to the left the vehicle passes what has its (N,) near sides on one side; NaN: it changes lanes."""
+        """Distance to the left to pass obstacles whose (N,) near sides are all on one side; NaN: it changes lanes."""
         lacking_m = self._width_m / 2.0 + _BLOCK_M + _STEP_M - np.abs(near_m)
         if not len(near_m) or np.ptp(np.sign(near_m)) or lacking_m.max() > _ASIDE_M:
             return np.nan

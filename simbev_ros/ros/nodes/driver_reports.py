@@ -5,9 +5,9 @@ from simbev_ros.schema.scene.spec import scene_number_of
 
 
 class DriverReports:
-    """The reports of drivers. Those on /sync/ready may arrive before the commands, so that the commands count instead.
+    """Reports of drivers. One on /sync/ready may arrive before its command, so the command counts instead.
 
-    Without stamps of inputs, commands count for no tick, and would be waited for forever; then the reports count.
+    A command without the stamp of an input counts for no tick; the world would wait forever. Then the reports count.
     """
 
     def __init__(self) -> None:
@@ -38,5 +38,5 @@ class DriverReports:
             raise ValueError("header.stamp must be that of the input; a command with another stamp has no effect")
 
     def take_held(self, driver: str) -> Report | None:
-        """Return the last report of a driver that has not counted, if it counts by now."""
+        """Return the last report of a driver that did not count when it arrived, if it counts now."""
         return self._held.pop(driver, None) if driver in self._unstamped else None

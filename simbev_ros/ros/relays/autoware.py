@@ -90,7 +90,7 @@ class AutowareRelay(Relay):
 
 
 def make_messages() -> None:
-    """Make Autoware's message packages if they are missing; say in one line what lacks if that is impossible."""
+    """Make Autoware's message packages if they are missing; say in one line what is missing if that is impossible."""
     try:
         install_missing(lambda package: print(f"making {package.name}", flush=True), AUTOWARE_MESSAGES)
     except SimbevError as error:

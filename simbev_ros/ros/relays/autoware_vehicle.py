@@ -91,7 +91,7 @@ def gear_report(status: Table, stamp: Time, engaged: int | None) -> GearReport:
 
 
 def mode_report(stamp: Time, mode: int) -> ControlModeReport:
-    """Who drives."""
+    """The control mode, which says who drives."""
     return ControlModeReport(stamp=stamp, mode=mode)
 
 

@@ -100,7 +100,7 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
 
 
 def _widened(weights: dict[str, Tensor], model: BevModel) -> dict[str, Tensor]:
-    """The weights, where the model sees more than theirs with zeros for what it sees besides."""
+    """The weights for a model that may take more inputs; those of additional inputs are zeros."""
     own, result = model.state_dict(), dict(weights)
     for name, inputs in model.min_inputs().items():
         if name in weights and weights[name].shape == own[name][:, :inputs].shape:

@@ -10,7 +10,7 @@ _DRIVING_MPS = 3.0
 
 
 class Impatience:
-    """Lets drivers who have waited for long drive off where others then have to brake for them.
+    """Lets drivers who have waited long drive off where others then have to brake for them.
 
     SUMO's own impatience ends when a vehicle is faster than 0.1 m/s. With short ticks, this is the first tick in which
     it moves; then its driver yields again, and the vehicle never enters the junction.

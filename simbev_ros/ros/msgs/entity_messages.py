@@ -19,6 +19,7 @@ _POSIX = {"alpha": "A-Za-z", "digit": "0-9", "alnum": "A-Za-z0-9", "upper": "A-Z
 """Classes of POSIX's bracket expressions, as Python writes them."""
 _PLAIN_GROUP = re.compile(r"\([^()|*+?{]*\)")
 _UNIT_TOLERANCE = 0.01
+_MAX_RATE = 1000.0  # per axis, in m/s, m/s², rad/s and rad/s²: what moves stays where numbers are finite
 _VECTORS = ("vx", "vy", "vz"), ("wx", "wy", "wz"), ("ax", "ay", "az")
 
 
@@ -67,11 +68,13 @@ def vectors_of(motion: Any, rotation: Float64Array, field: str) -> tuple[Float64
     """Linear and angular (3,) vector of a Twist or an Accel, in the frame that a (3, 3) rotation leads to.
 
     Raises:
-        Refused: They have numbers that are not finite.
+        Refused: They have numbers that are not finite, or above 1000.
     """
     vectors = np.array([[each.x, each.y, each.z] for each in (motion.linear, motion.angular)])
     if not np.isfinite(vectors).all():
         raise Refused("RESULT_OPERATION_FAILED", f"{field}: has numbers that are not finite")
+    if np.abs(vectors).max() > _MAX_RATE:
+        raise Refused("RESULT_OPERATION_FAILED", f"{field}: has numbers above {_MAX_RATE:g}")
     linear, angular = vectors @ rotation.T
     return linear, angular
 

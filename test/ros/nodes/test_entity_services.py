@@ -334,6 +334,9 @@ def test_bad_states_are_refused(scene: Scene) -> None:
     state.twist.linear.x = np.inf
     code, words = scene.refusal("SetEntityState", entity="vehicle.van_2", state=state, set_twist=True)
     assert (code, words) == (4, "state.twist: has numbers that are not finite")
+    state.twist.linear.x = -1e300
+    code, words = scene.refusal("SetEntityState", entity="vehicle.van_2", state=state, set_twist=True)
+    assert (code, words) == (4, "state.twist: has numbers above 1000")
     state.twist.linear.x = 1.0
     words = f"entity: {CONE}_4 is a static object, which cannot move"
     assert scene.refusal("SetEntityState", entity=f"{CONE}_4", state=state, set_twist=True) == (4, words)

@@ -112,7 +112,8 @@ class WorldNode(GraphNode):
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         ConditionServices(self, self._running)
-        if self.declare_read_only("serves", False, "It answers to simulation_interfaces"):
+        self._serves = self.declare_read_only("serves", False, "It answers to simulation_interfaces")
+        if self._serves:
             EntityServices(self, self._running)
             self.create_service(Trigger, RUN_STATUS, self._describe_run)
         self.create_wall_timer(0.005 if self._pacer.max_real_time_factor else 0.02, self.advance)
@@ -120,6 +121,8 @@ class WorldNode(GraphNode):
 
     def _on_request(self, message: String) -> None:
         if (request := self.read_request(message)) is not None:
+            if self._serves:  # whoever steps to the end of a scene leaves it paused
+                self._pacer.pause(request.paused)
             self.start(request)
 
     def start(self, request: SceneRequest) -> None:
@@ -138,8 +141,7 @@ class WorldNode(GraphNode):
         self._driver_reports.start_scene(request.spec.number)
         self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
-        if request.paused:
-            self._pacer.pause(True)
+        if request.paused and self._pacer.paused:
             self.report_finished(request.spec, request.spec.loaded_tick)  # otherwise it would seem to be stuck
         self._end_if_asked()
         self.get_logger().info(f"scene {request.spec.name} is loaded")

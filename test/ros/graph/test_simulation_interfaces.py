@@ -173,6 +173,19 @@ def test_the_simulation_is_steered_by_states_steps_resets_and_worlds(simbev: Sim
     assert (code, "Traceback" in output) == (0, False), output
 
 
+def test_a_scene_that_steps_have_played_to_its_end_plays_again(simbev: Simbev, tmp_path: Path) -> None:
+    command = simbev("run", write_small(tmp_path, 0.2, without=["camera", "lidar", "radar"]), "--serve")
+    with client_of(command) as client:
+        client.load()
+        code, words = client.refusal("StepSimulation", steps=1000)
+        assert (code, words) == (4, "the scene has ended") and client.state() == STOPPED
+        client.ok("SetSimulationState", state=msg.SimulationState(state=PLAYING))
+        ended = msg.Result.RESULT_INCORRECT_STATE
+        command.wait_for(lambda: client.call("GetEntities").result.result == ended, client.spin_until)
+        client.set_state(QUITTING)
+        command.wait_for(lambda: command.process.poll() is not None, client.spin_until)
+
+
 def play(command: Command) -> int:
     """Record a scene with a van in front of the ego, and without one of its pedestrians, whose id is returned."""
     with client_of(command) as client:

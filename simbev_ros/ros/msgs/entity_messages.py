@@ -14,7 +14,7 @@ from simbev_ros.ros.msgs.stamps import header
 from simbev_ros.ros.msgs.world import MAP_FRAME, point_message, quaternion_message, vector_message
 from simbev_ros.schema.scene.state import map_from_actors
 
-_MAX_PATTERN_CHARS, _MAX_REPETITIONS = 200, 4
+_MAX_PATTERN_CHARS, _MAX_REPETITIONS, _MAX_POINTS = 200, 4, 100
 _POSIX = {"alpha": "A-Za-z", "digit": "0-9", "alnum": "A-Za-z0-9", "upper": "A-Z", "lower": "a-z", "space": r"\s"}
 """Classes of POSIX's bracket expressions, as Python writes them."""
 _PLAIN_GROUP = re.compile(r"\([^()|*+?{]*\)")
@@ -102,8 +102,10 @@ def overlapping(rows: Table, bounds: Any) -> list[bool]:
     """Whether the box of each of (N,) ``ACTOR_DTYPE`` rows overlaps bounds in the map frame.
 
     Raises:
-        Refused: The bounds are not as their type demands.
+        Refused: The bounds are not as their type demands, or have too many points.
     """
+    if len(bounds.points) > _MAX_POINTS:
+        raise Refused("RESULT_OPERATION_FAILED", f"filters.bounds: has more than {_MAX_POINTS} points")
     points_m = np.array([[each.x, each.y, each.z] for each in bounds.points]).reshape(-1, 3)
     if bounds.type == bounds.TYPE_EMPTY or not len(points_m):
         return [True] * len(rows)

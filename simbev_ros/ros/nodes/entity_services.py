@@ -42,7 +42,7 @@ from simbev_ros.scene.named_poses import NamedPose, map_extent_m, named_poses
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import map_from_actors
-from simbev_ros.simulation.world.entities import Entities, EntityMotion
+from simbev_ros.simulation.world.entities import MAX_ENTITIES, Entities, EntityMotion
 from simbev_ros.simulation.world.source import StateSource
 
 _NAME = re.compile(r"[A-Za-z][\w.-]{0,63}", re.ASCII)
@@ -151,6 +151,8 @@ class EntityServices:
 
     def _spawn_all(self, request: Any, response: Any) -> None:
         failed = 0
+        if len(request.spawn_requests) > MAX_ENTITIES:
+            raise Refused("RESULT_OPERATION_FAILED", f"spawn_requests: are more than {MAX_ENTITIES}")
         for each in request.spawn_requests:
             one, outcome = self._types.SpawnEntity.Response(), self._messages.SpawnResult()
             try:

@@ -166,6 +166,7 @@ def test_entities_are_filtered_by_overlap(scene: Scene) -> None:
         ({"filter": "a*b*c*d?e*"}, "filter: has too many repetitions, or one of a group with choices"),
         ({"filter": "a" * 300}, "filter: is longer than 200 characters"),
         ({"bounds": bounds(1, (1.0, 1.0, 1.0))}, "filters.bounds: has 1 points; needed: 2"),
+        ({"bounds": bounds(2, *[(1.0, 1.0, 1.0)] * 101)}, "filters.bounds: has more than 100 points"),
         ({"bounds": bounds(9, (1.0, 1.0, 1.0))}, "filters.bounds: has an unknown type, or points that are not finite"),
         (
             {"bounds": bounds(3, *[(np.nan, 0.0, 0.0)] * 2)},
@@ -305,6 +306,11 @@ def test_of_several_spawns_those_that_can_be_are_made(scene: Scene) -> None:
     assert [each.result.result for each in response.results] == [1, msg.SpawnResult.NAME_NOT_UNIQUE]
     assert [each.entity_name for each in response.results] == ["a", ""]
     assert scene.ok("SpawnEntities", spawn_requests=[msg.SpawnEntity(**{**fields(one), "name": "b"})]).results
+
+
+def test_more_spawns_than_a_scene_has_room_for_are_refused_at_once(scene: Scene) -> None:
+    answer = scene.refusal("SpawnEntities", spawn_requests=[msg.SpawnEntity()] * 1001)
+    assert answer == (RESULT.RESULT_OPERATION_FAILED, "spawn_requests: are more than 1000")
 
 
 def fields(message: Any) -> dict[str, Any]:

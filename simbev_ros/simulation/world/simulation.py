@@ -52,6 +52,7 @@ _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
 _NO_SPOTS = np.empty(0, SPOT_DTYPE)
 _NO_RESTS = np.empty(0, REST_DTYPE)
+_CLEARANCE_M = 3.0  # between the surface of a road and an entity above or below it that is not heeded
 _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
@@ -233,12 +234,18 @@ class Simulation:
     def _place_obstacles(self) -> None:
         """Let SUMO's traffic heed the entities on its roads, where they will be when the tables catch up with it."""
         ahead_s = self._actors.delay_ticks * self._spec.tick_ns / NS_PER_S
-        is_paved = self._actors.ground.is_paved
+        ground = self._actors.ground
+
+        def is_on_road(position_m: Float64Array) -> bool:
+            point_m = position_m[None]
+            height_m = float((point_m[:, 2] - ground.heights_m(point_m))[0])
+            return bool(ground.is_paved(point_m)[0]) and abs(height_m) < _CLEARANCE_M
+
         self._sumo.obstacles.place(
             {
                 actor: (size_m, motion.position_m, motion.rotation[:, 0])
                 for actor, size_m, motion in self.entities.ahead(ahead_s)
-                if is_paved(motion.position_m[None])[0]
+                if is_on_road(motion.position_m)
             }
         )
 

@@ -192,6 +192,18 @@ def test_an_entity_may_leave_the_roads_and_come_back() -> None:
     assert np.hypot(states[-1].ego["vx"], states[-1].ego["vy"]) < 0.1, "the ego waits behind it again"
 
 
+def test_traffic_does_not_heed_an_entity_far_below_the_road() -> None:
+    spec = street(vehicles=1)
+    with Simulation(spec, blocks()) as simulation:
+        for _ in range(spec.warm_up_ticks):
+            state = simulation.step()
+        below = motion_ahead(state, 35.0)
+        below.position_m[2] = -20.0
+        simulation.entities.spawn(SEDAN, below)
+        states = [simulation.step() for _ in range(200)]
+    assert np.hypot(states[-1].ego["x"] - states[0].ego["x"], states[-1].ego["y"] - states[0].ego["y"]) > 60.0
+
+
 def test_an_entity_may_stand_on_the_pavement_where_people_wait_at_a_junction() -> None:
     spec = scene(vehicles=24, pedestrians=0)
     with Simulation(spec, blocks()) as simulation:

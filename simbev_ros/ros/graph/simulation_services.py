@@ -281,7 +281,7 @@ class SimulationServices:
     # the world node
 
     def _status(self) -> dict[str, Any]:
-        """How far the world is, as ``run_status`` tells."""
+        """Status of the world's run, as in ``run_status``."""
         status: dict[str, Any] = json.loads(self._call(self._status_client, Trigger.Request()).message)
         return status
 

@@ -17,7 +17,7 @@ _OF_KIND = {"pedestrian": HUMAN, "vehicle": DYNAMIC_OBJECT, "trailer": DYNAMIC_O
 
 @dataclass(frozen=True, slots=True)
 class EntityFacts:
-    """What an entity is: its category, a description and tags."""
+    """Description of an entity: its category, words and tags."""
 
     category: int
     description: str
@@ -52,7 +52,7 @@ class EntityBook:
         self._facts.pop(actor, None)
 
     def describe(self, actor: int, facts: EntityFacts) -> None:
-        """Set what an entity is."""
+        """Replace the facts of an entity."""
         self._facts[actor] = facts
 
     def named_rows(self, actors: Table) -> dict[str, Table]:
@@ -60,7 +60,7 @@ class EntityBook:
         return {self._name(row): row for row in self._entities(actors)}
 
     def facts(self, row: Table) -> EntityFacts:
-        """What an entity with this row is."""
+        """Facts of the entity with this row."""
         if (facts := self._facts.get(int(row["id"]))) is not None:
             return facts
         model, actor, behavior = load_blueprints()[int(row["blueprint"])], int(row["id"]), int(row["behavior"])

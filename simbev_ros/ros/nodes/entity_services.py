@@ -62,7 +62,7 @@ class EntityServices:
     def __init__(self, node: Any, running: Callable[[], RunningScene | None]) -> None:
         self._running, self._log = running, node.get_logger()
         self._books = WeakKeyDictionary[StateSource, EntityBook]()
-        self._places = LatestValue[MapSpec, tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]]()
+        self._named_poses = LatestValue[MapSpec, tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]]()
         self._types, self._messages = (import_module(f"simulation_interfaces.{kind}") for kind in ("srv", "msg"))
         for kind, act in {
             "GetEntities": self._get_entities,
@@ -252,7 +252,7 @@ class EntityServices:
     def _named(self) -> tuple[dict[str, NamedPose], tuple[Float64Array, Float64Array]]:
         """The named poses of the map, and its extent."""
         scene = self._scene()
-        return self._places.get(scene.spec.map, lambda: (named_poses(scene.network), map_extent_m(scene.network)))
+        return self._named_poses.get(scene.spec.map, lambda: (named_poses(scene.network), map_extent_m(scene.network)))
 
     def _row(self, name: str) -> Table:
         """The row of an entity."""
@@ -321,7 +321,7 @@ def _model_of(resource: Any) -> Blueprint:
 
 
 def _prefix_of(namespace: str) -> str:
-    """What a namespace puts before a name."""
+    """The prefix that a namespace gives to a name."""
     if namespace and not _NAMESPACE.fullmatch(namespace):
         raise Refused("NAMESPACE_INVALID", f"entity_namespace: {namespace!r:.80} is not a namespace of ROS")
     return f"{namespace.strip('/')}/" if namespace else ""

@@ -1,4 +1,4 @@
-"""What the world node holds of the scene that it plays, and how far it is."""
+"""The scene that the world node plays, with all that belongs to it, and the status of its run."""
 
 import json
 from collections.abc import Mapping

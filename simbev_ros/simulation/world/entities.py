@@ -1,6 +1,6 @@
 """Actors that commands put into a running scene, move, or take out of it: poses and velocities in, rows out.
 
-An actor of the traffic that is moved leaves the traffic and goes on as such an entity, under its id. An entity moves
+An actor of the traffic that is moved leaves the traffic and becomes such an entity, under its id. An entity moves
 with constant acceleration and angular acceleration until the next command, exactly, and without regard to others.
 Unless it is given a vertical motion, it stays at its height above the ground. What it tows or carries goes with it.
 """

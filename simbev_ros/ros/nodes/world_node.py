@@ -121,7 +121,7 @@ class WorldNode(GraphNode):
 
     def _on_request(self, message: String) -> None:
         if (request := self.read_request(message)) is not None:
-            if self._serves:  # whoever steps to the end of a scene leaves it paused
+            if self._serves:  # steps to the end of a scene leave it paused
                 self._pacer.pause(request.paused)
             self.start(request)
 

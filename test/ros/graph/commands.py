@@ -1,6 +1,7 @@
 """Runs the graph as a user does, by a ``simbev`` command in a process of its own."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -141,14 +142,24 @@ def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
 def leaving_nothing() -> Iterator[None]:
     """Check that in the end no node process runs, and that there is no new file of the middleware in /dev/shm.
 
-    The files do not say whose they are, so they are not checked while other graphs run on the machine.
+    The files do not say whose they are, so they are not checked while other graphs run on the machine. What is left is
+    removed, so that the next test does not fail as well.
     """
-    before = orphaned_files()
+    before = {path.name for path in middleware_files()}
     yield
     with suppress(AssertionError):
         wait_until(lambda: not node_processes() and (not orphaned_files() - before or not is_alone()), 60)
-    assert not node_processes()
-    assert not orphaned_files() - before or not is_alone()
+    processes, files = node_processes(), orphaned_files() - before
+    left = [f"{' '.join(words).strip()} (process {pid})" for pid, words in processes.items()]
+    if files and is_alone():
+        left += sorted(files)
+    for pid in processes:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    if left:
+        wait_until(lambda: not node_processes())
+        remove_orphans({path for path in middleware_files() if path.name not in before})
+    assert not left
 
 
 def orphaned_files() -> set[str]:
@@ -177,6 +188,10 @@ def remove_leftovers(before: set[Path]) -> None:
     )
 
 
-def node_processes() -> list[int]:
-    """Pids of all node processes in the tests' domain."""
-    return marked_processes("simbev_ros.ros.nodes.main", f"ROS_DOMAIN_ID={DOMAIN}".encode())
+def node_processes() -> dict[int, list[str]]:
+    """All node processes in the tests' domain: their command lines by pid."""
+    found = {}
+    for pid in marked_processes("simbev_ros.ros.nodes.main", f"ROS_DOMAIN_ID={DOMAIN}".encode()):
+        with suppress(psutil.NoSuchProcess):
+            found[pid] = psutil.Process(pid).cmdline()
+    return found

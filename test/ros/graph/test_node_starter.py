@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -154,8 +155,9 @@ def test_a_server_that_is_stopped_while_it_imports_ends_with_a_killed_supervisor
 
 
 PATIENT_SERVER = """#!{python}
-import sys
+import faulthandler, signal, sys
 from simbev_ros.ros.nodes import fork_server
+faulthandler.register(signal.SIGUSR2)
 fork_server._STOP_TIMEOUT_S = 1e6
 sys.argv = sys.argv[4:]
 fork_server.main()
@@ -171,16 +173,30 @@ def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(
     monkeypatch.setattr(sys, "executable", str(program))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     starter = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
-    _, seen = running(starter, tmp_path)
-    server = seen.parent()
-    assert server is not None
-    server.suspend()
-    for index in range(6):
-        starter.start([f"imu:imu_{index}"], tmp_path / f"{index}.log")
-    starter._channel.close()
-    server.resume()
-    server.wait(PATIENCE_S)
-    starter.close()
+    server = psutil.Process(starter.pid)
+    try:
+        running(starter, tmp_path)
+        server.suspend()
+        for index in range(6):
+            starter.start([f"imu:imu_{index}"], tmp_path / f"{index}.log")
+        starter._channel.close()
+        server.resume()
+        gone, _ = psutil.wait_procs([server], PATIENCE_S)
+        assert gone, stacks(server.children(), tmp_path)
+    finally:
+        for process in (*server.children(), server) if server.is_running() else ():
+            process.kill()
+        starter.close()
+
+
+def stacks(nodes: list[psutil.Process], folder: Path) -> str:
+    """Where nodes hang that do not end, and all else that is in the logs of their folder."""
+    for node in nodes:
+        node.send_signal(signal.SIGUSR2)
+    logs = list(folder.glob("*.log"))
+    with suppress(AssertionError):
+        wait_until(lambda: sum("most recent call first" in log.read_text() for log in logs) >= len(nodes), 10)
+    return "\n".join(f"{log.name}:\n{log.read_text()}" for log in logs)
 
 
 def test_a_command_does_not_know_the_key_and_ends_with_all_that_it_has_started(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from simbev_ros.baselines.model_file import load_baseline
 from simbev_ros.baselines.node.node import BaselineNode
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
+from simbev_ros.ros.nodes.lifeline import ending_middleware
 from simbev_ros.ros.nodes.main import ERROR_MARK
 
 
@@ -21,6 +22,7 @@ def main() -> int:
     own, of_ros = split_ros_arguments(sys.argv[1:])
     options = _parser().parse_args(own)
     node: BaselineNode | None = None
+    code = 0
     try:
         baseline = load_baseline(Modality(options.modality), options.weights)
         rclpy.init(args=["--ros-args", *of_ros])
@@ -30,13 +32,15 @@ def main() -> int:
         pass
     except InputError as error:
         print(f"{ERROR_MARK}{error}", file=sys.stderr)
-        return error.exit_code
+        code = error.exit_code
     finally:
         if node is not None:
             node.close()
-            node.destroy_node()
-        rclpy.utilities.try_shutdown()
-    return 0
+        with ending_middleware(code):
+            if node is not None:
+                node.destroy_node()
+            rclpy.utilities.try_shutdown()
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -21,7 +21,7 @@ from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.ros.conventions.arguments import RosArguments, split_ros_arguments
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.nodes.graph_node import GraphNode
-from simbev_ros.ros.nodes.lifeline import end_with_supervisor
+from simbev_ros.ros.nodes.lifeline import end_with_supervisor, ending_middleware
 
 KINDS = ("world", *SENSOR_KINDS, "annotator", "joint", "v2x", "referee", "recorder", "evaluator")
 """Kinds of nodes; each kind of sensor has a node kind of the same name."""
@@ -53,6 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     end_with_supervisor()
     stop = _StopFlag()
     nodes: list[GraphNode] = []
+    code = 1
     try:
         ros = RosArguments.parse(of_ros)
         rclpy.init(args=ros.for_nodes, signal_handler_options=SignalHandlerOptions.NO)
@@ -68,20 +69,23 @@ def main(arguments: list[str] | None = None) -> int:
             executor.spin_once(timeout_sec=0.1)
             for node in nodes:
                 node.raise_failure()
+        code = 0
     except SimbevError as error:
         print(f"{ERROR_MARK}{message_with_limit(error)}", file=sys.stderr)
-        return DISK_EXIT_CODE if isinstance(error, DiskError) else error.exit_code
+        code = DISK_EXIT_CODE if isinstance(error, DiskError) else error.exit_code
     except Exception as error:
         if (problem := describe_shortage(error)) is None:
             raise
         print(f"{ERROR_MARK}{problem}", file=sys.stderr)
-        return DISK_EXIT_CODE if isinstance(error, OSError) and error.errno in DISK_FULL else SHORTAGE_EXIT_CODE
+        code = DISK_EXIT_CODE if isinstance(error, OSError) and error.errno in DISK_FULL else SHORTAGE_EXIT_CODE
     finally:
         for node in nodes:
             node.close()
-            node.destroy_node()
-        try_shutdown()
-    return 0
+        with ending_middleware(code):
+            for node in nodes:
+                node.destroy_node()
+            try_shutdown()
+    return code
 
 
 def _requested_node(word: str, namespace: str) -> tuple[type[GraphNode], NodeName]:

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from simbev_ros.foundation.errors import FOREIGN_ERRORS, SimbevError
+from simbev_ros.ros.nodes.lifeline import ending_middleware
 
 _WARNING_PERIOD_S = 10.0
 
@@ -47,5 +48,6 @@ def run(make_node: Callable[[], Node]) -> None:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        node.destroy_node()
-        rclpy.utilities.try_shutdown()
+        with ending_middleware(0):
+            node.destroy_node()
+            rclpy.utilities.try_shutdown()

@@ -120,6 +120,7 @@ setup(
         "sim": SIMULATOR,
         "pictures": PICTURES,
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
+        "kilted": ["ros-kilted-rclpy[fastrtps]", "ros-kilted-common-interfaces"],
         # For slow tests: how CARLA reads its towns, and the schemas of Kubernetes, which are 17,000 files.
         "slow": [
             "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",

@@ -22,6 +22,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchContext, LaunchDescription
+from simbev_ros.foundation.installation.ros_release import profile_variable
 
 PATIENCE_S = "30"
 """Time that the recorder has to close its bag, before launch becomes impatient."""
@@ -63,7 +64,7 @@ def prepare_environment(context: LaunchContext) -> list[SetEnvironmentVariable]:
     on_network = LaunchConfiguration("network").perform(context) == "true"
     folder = Path(get_package_share_directory("simbev_ros"), "config")
     variables = {
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if on_network else "fastdds.xml")),
+        profile_variable(): str(folder / ("fastdds_network.xml" if on_network else "fastdds.xml")),
         "SKIP_DEFAULT_XML_FILE": "1",  # of Fast DDS in the current folder
         "CYCLONEDDS_URI": "" if on_network else (folder / "cyclonedds.xml").as_uri(),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if on_network else "LOCALHOST",

@@ -1,7 +1,8 @@
 """Locks what ./simbev installs: exact versions and hashes, of all Pythons and platforms, by extras.
 
-``./simbev lock`` renews both files, one for ROS from wheels and one for an installed ROS 2 Jazzy, whose messages are
-built for NumPy 1. A comment before each requirement names the groups that need it, by which the script chooses.
+``./simbev lock`` renews all files: one with ROS 2 Jazzy from wheels; one for an installed ROS 2, whose messages are
+built for NumPy 1; and one with the wheels of Kilted, which take the place of Jazzy's. A comment before each requirement
+names the groups that need it, by which the script chooses.
 """
 
 import hashlib
@@ -22,15 +23,16 @@ BASE, BUILD = "base", "build"
 """Groups of what reading datasets needs, and of what installs the rest."""
 _BUILDERS = ("pip>=25", "setuptools>=71")
 _OWN = ("simbev-ros", "simbev-exporters")
-VARIANTS: Mapping[str, tuple[str, ...]] = {
-    "requirements.lock": (),
-    "requirements-ros.lock": ("numpy<2",),
-}
+KILTED = "kilted"
+WHOLE, WITH_ROS, OF_KILTED = "requirements.lock", "requirements-ros.lock", "requirements-kilted.lock"
+VARIANTS: Mapping[str, tuple[str, ...]] = {WHOLE: (), WITH_ROS: ("numpy<2",), OF_KILTED: ()}
 """File → what narrows its versions further."""
 _NOT_WITH_ROS = ("wheels", "view")
 """Extras that bring ROS, or need NumPy 2."""
 _OLDEST_PYTHON = "3.11"
 _NAME = re.compile(r"([A-Za-z0-9._-]+)==")
+_USED = re.compile(r"^# for (.*)\n((\S+)==.*) \\$", re.MULTILINE)
+"""Groups, requirement and name of an entry."""
 
 
 def groups() -> dict[str, list[str]]:
@@ -52,23 +54,31 @@ def inputs_digest() -> str:
     return hashlib.sha256(repr(groups()).encode()).hexdigest()
 
 
+def wanted_groups(file: str) -> dict[str, list[str]]:
+    """Requirements by group that a lock file holds."""
+    if file == OF_KILTED:
+        return {KILTED: groups()[KILTED]}
+    others = (KILTED, *_NOT_WITH_ROS) if file == WITH_ROS else (KILTED,)
+    return {name: requirements for name, requirements in groups().items() if name not in others}
+
+
 def locked(file: str) -> str:
-    """The content of a lock file; needs the package index.
+    """The content of a lock file; needs the package index, and that of Kilted the first file.
 
     Raises:
         subprocess.CalledProcessError: The requirements contradict each other, or the index cannot be reached.
     """
-    wanted = {
-        name: requirements
-        for name, requirements in groups().items()
-        if file == next(iter(VARIANTS)) or name not in _NOT_WITH_ROS
-    }
+    wanted = wanted_groups(file)
     everything = [each for requirements in wanted.values() for each in requirements]
-    entries = _entries(_compile(everything, VARIANTS[file], "--generate-hashes"))
+    shared = _USED.findall((FOLDER / WHOLE).read_text(encoding="utf-8")) if file == OF_KILTED else ()
+    base = [(name, entry) for users, entry, name in shared if {BASE, "sim"} & set(users.split())]
+    limits = (*VARIANTS[file], *(entry for _, entry in base))
+    entries = _entries(_compile(everything, limits, "--generate-hashes"))
+    entries = {name: lines for name, lines in entries.items() if name not in {canonicalize_name(n) for n, _ in base}}
     exact = [entry.partition(" \\")[0] for lines in entries.values() for entry in lines]
     users: dict[str, list[str]] = defaultdict(list)
     for group, requirements in wanted.items():
-        for name in _entries(_compile(requirements, exact)):
+        for name in _entries(_compile(requirements, (*exact, *limits))):
             users[name].append(group)
     head = f"# Made by ./simbev lock; do not edit.\n# inputs: {inputs_digest()}\n"
     return head + "".join(

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.foundation.installation.ros_release import profile_variable
 from simbev_ros.ros.graph.environment import subscriber_environment
 from simbev_ros.ros.graph.exposure import Exposure
 
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILE = profile_variable()
 
 
 @pytest.fixture(autouse=True)

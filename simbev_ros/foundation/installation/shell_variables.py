@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from simbev_ros.foundation.installation.ros_release import is_jazzy
 from simbev_ros.foundation.tables import load_table
 
 _DROPPED, _IGNORED = "dropped", "ignored"
@@ -137,6 +138,8 @@ _CHECKS: dict[str, Callable[[str], bool]] = {
     "always": lambda value: True,
     "middleware_is_missing": lambda value: bool(_middlewares()) and value not in _middlewares(),
     "holds_no_profile": _holds_no_profile,
+    "is_jazzy": lambda value: is_jazzy(),
+    "is_newer_than_jazzy": lambda value: not is_jazzy(),
     "is_foreign": lambda value: Path(value).name not in ("fastdds.xml", "fastdds_network.xml"),
     "is_another_range": lambda value: value not in ("LOCALHOST", "SUBNET"),
     "names_no_host": _names_no_host,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.ros_release import profile_variable
 
 ENCLAVE = "/simbev_ros"
 """Enclave of all nodes of a graph, and of those that shall take part."""
@@ -31,7 +32,7 @@ class Exposure:
         """Environment variables for the graph and for those that take part; empty: Cyclone DDS's own settings."""
         folder = shipped_config_dir()
         return {
-            "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if self.network else "fastdds.xml")),
+            profile_variable(): str(folder / ("fastdds_network.xml" if self.network else "fastdds.xml")),
             "SKIP_DEFAULT_XML_FILE": "1",  # of Fast DDS in the current folder, which would replace these settings
             "CYCLONEDDS_URI": "" if self.network else (folder / "cyclonedds.xml").as_uri(),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if self.network else "LOCALHOST",

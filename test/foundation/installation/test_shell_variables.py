@@ -10,9 +10,10 @@ import pytest
 
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.foundation.installation import shell_variables
+from simbev_ros.foundation.installation.ros_release import profile_variable
 from simbev_ros.foundation.installation.shell_variables import settle_shell
 
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILE = profile_variable()
 
 
 @pytest.fixture(autouse=True)
@@ -71,6 +72,18 @@ def test_good_values_stay_and_only_those_that_matter_are_named(tmp_path: Path) -
 def test_what_simbev_and_its_wheels_set_is_not_named() -> None:
     profile = shipped_config_dir() / "fastdds.xml"
     assert not settle_shell({PROFILE: str(profile), "LD_LIBRARY_PATH": f"{sys.prefix}/lib"})
+
+
+@pytest.mark.parametrize(("jazzy", "read", "other"), [(True, "FASTRTPS", "FASTDDS"), (False, "FASTDDS", "FASTRTPS")])
+def test_the_profile_is_looked_at_under_the_name_that_the_release_reads(
+    jazzy: bool, read: str, other: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shell_variables, "is_jazzy", lambda: jazzy)
+    (tmp_path / "mine.xml").write_text("<dds><profiles/></dds>")
+    (used,) = settle_shell({f"{read}_DEFAULT_PROFILES_FILE": str(tmp_path / "mine.xml")})
+    (unused,) = settle_shell({f"{other}_DEFAULT_PROFILES_FILE": str(tmp_path / "mine.xml")})
+    assert "large images are lost" in used.effect and not used.was_dropped
+    assert f"{read}_DEFAULT_PROFILES_FILE" in unused.effect and unused.was_dropped is not jazzy
 
 
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="there is no ROS")

@@ -8,6 +8,7 @@ import pytest
 from commands import SCENE, Command, write_small
 from module_trap import set_trap
 
+from simbev_ros.foundation.installation.ros_release import profile_variable
 from simbev_ros.recording.reader import SceneBag
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
@@ -23,7 +24,7 @@ def test_a_scene_is_recorded_whatever_the_shell_of_a_ros_user_has_set(
         "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
         "ROS_STATIC_PEERS": "not a host",
         "ROS_LOG_DIR": "/proc/none",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": "/none.xml",
+        profile_variable(): "/none.xml",
     }
     silent = {
         "PYTHONPATH": str(tmp_path / "old"),

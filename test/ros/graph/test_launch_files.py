@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from subscriber import keep, outside_node
 from waiting import PATIENCE_S
 
+from simbev_ros.foundation.installation.ros_release import profile_variable
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.exposure import LOCAL
 
@@ -75,8 +76,8 @@ def test_a_graph_is_started_with_the_arguments_and_the_variables_that_subscriber
     assert graph.environment["ROS_DOMAIN_ID"] == "7"
     assert graph.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
     assert graph.environment.keys() >= LOCAL.variables.keys()
-    assert Path(graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).name == "fastdds_network.xml"
-    assert Path(graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
+    assert Path(graph.environment[profile_variable()]).name == "fastdds_network.xml"
+    assert Path(graph.environment[profile_variable()]).is_file()
     assert graph.on_exit.reason == "the graph has ended" and min(graph.patience_s) >= 20
 
 
@@ -88,9 +89,9 @@ def test_arguments_for_nodes_and_further_options_are_passed_on(launch: Launch) -
 
 
 def test_variables_of_the_user_stay(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "/my/profile.xml")
+    monkeypatch.setenv(profile_variable(), "/my/profile.xml")
     (graph,) = launch("simbev").processes
-    assert graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == "/my/profile.xml"
+    assert graph.environment[profile_variable()] == "/my/profile.xml"
     assert graph.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert "ROS_DOMAIN_ID" not in graph.environment
 

@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.foundation.installation.ros_release import profile_variable
 from simbev_ros.ros.graph.environment import graph_environment
 from simbev_ros.ros.graph.exposure import Exposure
 
@@ -22,7 +23,7 @@ DISCOVERY_PORT = 7400
 
 def listening(domain: int, *, network: bool, folder: Path | None = None) -> set[str]:
     """Addresses on which the sockets of a node that starts in a folder have the ports of a domain."""
-    names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
+    names = (profile_variable(), "ROS_AUTOMATIC_DISCOVERY_RANGE", "SKIP_DEFAULT_XML_FILE")
     inherited = {name: value for name, value in os.environ.items() if name not in names}
     with pytest.MonkeyPatch.context() as patch:
         for name in names:

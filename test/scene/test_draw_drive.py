@@ -91,6 +91,22 @@ def test_traffic_follows_the_route(network: RoadNetwork) -> None:
     assert list(draw_vehicle_route(spec, network, 0).edges[: len(passed)]) == passed
 
 
+def test_traffic_leaves_a_junction_with_the_goal_where_the_route_leads(network: RoadNetwork) -> None:
+    whole = route_of(drawn(network, goal_m=600))
+    turns = [row for row, each in enumerate(whole.command) if each in (Command.LEFT, Command.RIGHT)]
+    assert len({whole.lane[row] for row in turns}) > 1
+    for row in turns:
+        spec = drawn(network, goal_m=whole.distance_m[row])
+        lanes = [network.lanes[lane] for lane in route_of(spec).lane]
+        behind = lanes[-1]
+        while behind.junction:
+            behind = network.lanes[behind.successors[0]]
+        assert (
+            draw_vehicle_route(spec, network, 0).edges[len({lane.edge for lane in lanes if not lane.junction})]
+            == behind.edge
+        )
+
+
 def test_a_route_of_points_begins_and_ends_at_them(network: RoadNetwork) -> None:
     whole = route_of(drawn(network, 5, goal_m=400))
     rows = [0, len(whole.x_m) // 2, len(whole.x_m) - 1]

@@ -46,7 +46,7 @@ def draw_drive(
         return agents, None
     ego = agents.vehicles[0]
     try:
-        path = _draw_path(scenario, drive, seed, network, ego)
+        path, edges = _draw_path(scenario, drive, seed, network, ego)
     except ValueError as error:
         raise InputError(f"{scenario.where('drive', 'route')}: {error} in map {network.name}") from None
     route = route_spec(path)
@@ -56,11 +56,13 @@ def draw_drive(
             f"at least {_MIN_ROUTE_M:g} m is needed"
         )
     spec = DriveSpec(route=route, **drive.model_dump(include={*DriveSpec.model_fields} - {"route", "events"}))
-    return agents._replace(vehicles=(ego.model_copy(update={"via": path.edges[1:]}), *agents.vehicles[1:])), spec
+    return agents._replace(vehicles=(ego.model_copy(update={"via": edges[1:]}), *agents.vehicles[1:])), spec
 
 
-def _draw_path(scenario: Scenario, drive: Drive, seed: int, network: RoadNetwork, ego: VehicleSpec) -> LanePath:
-    """The path from the center of the vehicle at its start to the goal."""
+def _draw_path(
+    scenario: Scenario, drive: Drive, seed: int, network: RoadNetwork, ego: VehicleSpec
+) -> tuple[LanePath, tuple[str, ...]]:
+    """The path from the center of the vehicle to the goal, and its edges, with the one behind a last junction."""
     blueprint, start = blueprint_named(ego.blueprint), network.lanes[ego.start.lane]
     paths, graph = LanePaths(network, blueprint.sumo_class), streets_of(network).for_blueprint(blueprint)
     from_m = max(ego.start.s_m - blueprint.size_m[0] / 2.0, 0.0)
@@ -69,17 +71,18 @@ def _draw_path(scenario: Scenario, drive: Drive, seed: int, network: RoadNetwork
         goal = _goal(scenario, network, blueprint)
         if edges[-1] != goal[0].edge or (len(edges) == 1 and goal[1] <= from_m):
             raise ValueError("the goal is behind the start on the same road")
-        return paths.path_along(edges, (start, from_m), goal)
+        return paths.path_along(edges, (start, from_m), goal), edges
     length_m = sample(drive.goal_m, stream(seed, "drive.goal"))
     rng = stream(seed, "drive.route")
     if ego.via:
         edges = (*edges, *graph.draw_continuation(edges[-1], length_m, rng))
     else:
         edges = graph.draw_route(start.id, length_m + from_m, rng)
-    path = _cut(paths.path_along(edges, (start, from_m), None), length_m)
+    whole = paths.path_along(edges, (start, from_m), None)
+    path = _cut(whole, length_m)
     if (found_m := route_spec(path).length_m) < length_m - 1.0:
         _LOGGER.warning("%s: route of %.0f m, not %.0f m: no road leads further", network.name, found_m, length_m)
-    return path
+    return path, whole.edges[: len(path.edges) + bool(path.lanes[-1].junction)]
 
 
 def _goal(scenario: Scenario, network: RoadNetwork, blueprint: Blueprint) -> tuple[Lane, float]:

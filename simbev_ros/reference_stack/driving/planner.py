@@ -20,7 +20,8 @@ from simbev_ros.reference_stack.driving.route_line import RouteLine
 
 _SPEEDING_UP_MPS2, _BRAKING_MPS2, _MAX_BRAKING_MPS2 = 1.5, 2.0, 7.5
 _GRIP_MPS2, _COMFORT_GRIP_MPS2 = 7.8, 5.0  # maximum by grip of emergency braking, and of all that is comfortable
-_JERK_MPS3, _EMERGENCY_JERK_MPS3, _EMERGENCY_MPS2 = 3.0, 40.0, -3.5
+_JERK_MPS3, _EMERGENCY_JERK_MPS3 = 3.0, 40.0
+_EMERGENCY_MPS2, _EMERGENCY_SHARE = 3.5, 0.8  # braking, and its share of the maximum, that is an emergency
 _HEADWAY_S, _GAP_M = 1.3, 2.5
 _SEEN_M, _HORIZON_S, _STEP_S = 80.0, 4.0, 0.5
 _BEFORE_S, _AFTER_S = 1.2, 0.8  # time that stays between the vehicle and what crosses its path
@@ -79,6 +80,7 @@ class Planner:
         self._max_braking_mps2 = min(_MAX_BRAKING_MPS2, _GRIP_MPS2 * grip)
         self._braking_mps2 = min(_BRAKING_MPS2, _COMFORT_GRIP_MPS2 * grip)
         self._speeding_up_mps2 = min(_SPEEDING_UP_MPS2, _COMFORT_GRIP_MPS2 * grip)
+        self._emergency_mps2 = min(_EMERGENCY_MPS2, _EMERGENCY_SHARE * self._max_braking_mps2)
         beside_m = np.empty((0, 0)) if beside_m is None else beside_m
         keeping_clear = KeepingClear(line, width_m, room_m, self._max_braking_mps2)
         self._passing = Passing(keeping_clear, line, length_m, width_m, tick_s, beside_m)
@@ -162,7 +164,7 @@ class Planner:
                 left_m = gap_m + other_mps * tick * tick_s - (distance_m - self._distance_m)
                 wanted = min(wanted, self._following_mps2(speed_mps, other_mps, left_m))
             wanted = min(wanted, self._stopping_mps2(speed_mps, stop_m - distance_m - self._length_m / 2.0))
-            jerk = _EMERGENCY_JERK_MPS3 if wanted < _EMERGENCY_MPS2 else _JERK_MPS3
+            jerk = _EMERGENCY_JERK_MPS3 if wanted < -self._emergency_mps2 else _JERK_MPS3
             acceleration = max(min(wanted, acceleration + jerk * tick_s), acceleration - jerk * tick_s)
             acceleration = max(acceleration, -speed_mps / tick_s)
             speed_mps += acceleration * tick_s

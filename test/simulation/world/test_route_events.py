@@ -232,16 +232,22 @@ def test_the_same_scene_gives_the_same_bytes() -> None:
     assert [state.actors.tobytes() for state in first.states] == [state.actors.tobytes() for state in second.states]
 
 
-@pytest.mark.parametrize("ego_mps", [6.0, 20.0])
-def test_a_faster_ego_has_more_room_to_brake_for_what_cuts_in(ego_mps: float) -> None:
-    """The other one rolls at 5 m/s; what is closed at 4 m/s² is added to the gap of 8 m."""
+@pytest.mark.parametrize(
+    ("ego_mps", "snow_cover", "braking_mps2"), [(6.0, 0.0, 4.0), (20.0, 0.0, 4.0), (20.0, 100.0, 1.25)]
+)
+def test_an_ego_that_needs_it_has_more_room_to_brake_for_what_cuts_in(
+    ego_mps: float, snow_cover: float, braking_mps2: float
+) -> None:
+    """The other one rolls at 5 m/s; what is closed while the ego brakes is added to the gap of 8 m."""
     given = SimpleNamespace(set_speed=lambda *_: None, move_aside=lambda *_: moved.append(1))
     sumo = SimpleNamespace(given=given, limit_speed=lambda *_: None, speed_mps=lambda _: 5.0)
     event = SimpleNamespace(parameters={"gap_m": 8.0, "left_m": 3.5, "speed_share": 5.0 / ego_mps})
-    wanted_m = 8.0 + (ego_mps - 5.0) ** 2 / 8.0
+    wanted_m = 8.0 + (ego_mps - 5.0) ** 2 / (2.0 * braking_mps2)
+    road = SimpleNamespace(wetness=0.0, precipitation_deposits=0.0, snow_cover=snow_cover)
+    weather = SimpleNamespace(at=lambda _: road)
     for more_m, changes in ((0.1, False), (-0.1, True)):
         moved: list[int] = []
         stage: Any = Stage
-        motion = CuttingIn(stage(event, sumo, None, None, lambda: 0, TICK_S, (3,), ()))
+        motion = CuttingIn(stage(event, sumo, None, weather, lambda: 0, TICK_S, (3,), ()))
         motion.advance(EgoOnRoute(50.0, ego_mps, 0.0), np.array([55.0 + wanted_m + more_m]))
         assert bool(moved) is changes

@@ -6,13 +6,14 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.simulation.world.events.motion import EgoOnRoute, EventMotion, Stage
 from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 
-_PASSED_M = 15.0
+_PASSED_M, _LEAVING_M = 15.0, 45.0
 
 
 class BlockedLane(EventMotion):
     """``blocked_lane``: a vehicle stands in the lane for the whole scene, with its hazard lights on."""
 
     is_held = True
+    _is_noticed = False
 
     def __init__(self, stage: Stage) -> None:
         """Switch the lights on."""
@@ -20,7 +21,10 @@ class BlockedLane(EventMotion):
         stage.sumo.given.blinkers[self._vehicle] = HAZARD_LIGHTS
 
     def advance(self, ego: EgoOnRoute, along_m: Float64Array) -> bool:
-        """Stand until the ego has passed, and then, too."""
+        """Stand until the ego has passed, and then, too; SUMO's driver would not leave a lane that alone leads on."""
+        if not self._is_noticed and ego.front_m > self._stage["at_m"] - _LEAVING_M:
+            self._is_noticed = True
+            self._stage.sumo.leave_lane(0)
         return ego.front_m > self._stage["at_m"] + _PASSED_M
 
 

@@ -26,6 +26,7 @@ from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.ros.graph.interrupts import Interrupted
 from simbev_ros.ros.graph.monitor import SUPERVISOR
 from simbev_ros.ros.graph.session import GraphSession
 from simbev_ros.scene.ending import SceneEnd
@@ -161,6 +162,10 @@ def play_on(
         end = session.play(spec, progress, replay, config, paused=paused)
         if log_to is not None:
             write_scene_log(log_to, attempt, f"{end.reason} after tick {end.tick}", session.new_output())
+    except Interrupted:
+        if log_to is not None and spec.drive is not None and not spec.is_driven_by_traffic:  # nothing would repeat it
+            session.end_interrupted()
+        raise
     except SimbevError as error:
         if log_to is not None:
             with suppress(DiskError):  # a full disk may be the reason

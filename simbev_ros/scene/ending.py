@@ -22,7 +22,6 @@ class SceneEnd(Model):
     tick: int = Field(ge=0, description="last tick of the scene")
     reason: str = Field(description="duration, or the reason in words if the scene ended early")
     events: int = Field(0, ge=0, description="number of messages on /world/events from tick 0 to the last tick")
-    judged: bool = Field(False, description="whether the referee sends a score at the last tick: the drive is over")
 
 
 class SceneEndDetector:
@@ -59,11 +58,10 @@ class SceneEndDetector:
         if self._drive is not None:
             done = self._drive.end_at(state.tick, np.array([ego["x"], ego["y"]], np.float64), speed_mps)
             if done is not None:
-                return self._end(state.tick, done[1], judged=True)
+                return self._end(state.tick, done[1])
         if self._requested is not None:
             return self._end(state.tick, self._requested)
-        is_judged = self._drive is not None and state.tick == self._spec.ticks - 1
-        return self._end(state.tick, self._reason, judged=is_judged) if state.tick >= self._last_tick else None
+        return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None
 
-    def _end(self, tick: int, reason: str, *, judged: bool = False) -> SceneEnd:
-        return SceneEnd(scene=self._spec.name, tick=tick, reason=reason, events=self._events, judged=judged)
+    def _end(self, tick: int, reason: str) -> SceneEnd:
+        return SceneEnd(scene=self._spec.name, tick=tick, reason=reason, events=self._events)

@@ -52,21 +52,6 @@ def test_without_a_limit_a_scene_ends_with_its_last_tick(ticks: int, reason: str
     assert end == SceneEnd(scene="Blocks-0004", tick=ticks - 1, reason=reason, events=ticks)
 
 
-def test_the_end_of_a_drive_says_that_the_referee_has_a_last_score() -> None:
-    drive, done = SimpleNamespace(end_at=lambda *_: None), SimpleNamespace(end_at=lambda *_: ("goal", "at the goal"))
-    ego = {"vx": 1.0, "vy": 0.0, "x": 0.0, "y": 0.0}
-    for rule, tick, is_judged in ((done, 7, True), (drive, 99, True), (None, 99, False)):
-        detector = watch(None)
-        detector._drive = rule  # type: ignore[assignment]
-        end = detector.end_at(SimpleNamespace(tick=tick, ego=ego, events=()))  # type: ignore[arg-type]
-        assert end is not None and end.judged is is_judged
-    stopped = watch(None)
-    stopped._drive = drive  # type: ignore[assignment]
-    stopped.end_soon("enough")
-    end = stopped.end_at(SimpleNamespace(tick=3, ego=ego, events=()))  # type: ignore[arg-type]
-    assert end is not None and not end.judged
-
-
 def test_the_speed_by_which_a_drive_ends_is_rounded_as_the_referee_rounds_it() -> None:
     ego = np.zeros((), ACTOR_DTYPE)
     ego["id"], ego["vx"], ego["vy"] = EGO_ID, 0.06, 0.08

@@ -221,6 +221,17 @@ class GraphSession:
         """Let the scene that is being played end with its next tick, for a reason in words."""
         self.monitor.stop(reason)
 
+    def end_interrupted(self) -> None:
+        """Let the scene that an interrupt has ended here end everywhere, so that its last messages are in its bag.
+
+        This takes a few seconds at most; a scene whose ticks have not begun is left as it is.
+        """
+        tick, end_s = self._finished_tick(), time.monotonic() + _STOP_TIMEOUT_S
+        if tick is not None and tick >= 0:
+            self.end_scene("interrupted")
+            while not ((end := self.monitor.end) and self._has_files(end.tick)) and time.monotonic() < end_s:
+                self.monitor.spin(_POLL_S)
+
     def wait(self, duration_s: float) -> None:
         """Watch the processes while no scene is played.
 
@@ -244,16 +255,20 @@ class GraphSession:
         done = self._finished_tick()
         return done is not None and done >= tick
 
-    def _await_files(self, last_tick: int) -> None:
-        """Wait until bag and figures are written, which recorder and evaluator report as one more tick."""
+    def _has_files(self, last_tick: int) -> bool:
+        """Whether bag and figures are written, which recorder and evaluator report as one more tick."""
         writers = self.monitor.writers
+        return not writers.laggards() or ((done := writers.finished_by_all()) is not None and done > last_tick)
+
+    def _await_files(self, last_tick: int) -> None:
+        """Wait until bag and figures are written."""
         live_s = _LIVE_EVALUATION_PATIENCE_S if self._scenario.evaluated_agents else _LIVE_PATIENCE_S
         patience_s = live_s if self._live else self._scenario.graph.silence_timeout_s
         end_s = time.monotonic() + patience_s
-        while writers.laggards() and ((done := writers.finished_by_all()) is None or done <= last_tick):
+        while not self._has_files(last_tick):
             if time.monotonic() > end_s:
                 if not self._live:
-                    late = writers.laggards()
+                    late = self.monitor.writers.laggards()
                     files = "its file" if len(late) == 1 else "their files"
                     waited = f"within {patience_s:g} s, after tick {last_tick}"
                     self._fail(f"{_nodes_have(late)} not closed {files} {waited}")

@@ -242,11 +242,8 @@ class RecorderNode(GraphNode):
         self.report_finished(spec, self._end.tick + 1)
 
     def _has_last_score(self, spec: SceneSpec, end: SceneEnd) -> bool:
-        """Whether the score at the end of a drive has arrived, if one is due; it tells the number of infractions.
-
-        Live, the referee may be late, and then leaves it out.
-        """
-        if not end.judged or self.live or topics.DRIVE_SCORE not in self._manifest:
+        """Whether the score at the end of a drive, if there is one, has arrived; it tells the number of infractions."""
+        if topics.DRIVE_SCORE not in self._manifest:
             return True
         stamp_ns, payload = self._score
         if stamp_ns != spec.stamp_ns(end.tick):

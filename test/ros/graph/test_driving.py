@@ -1,6 +1,7 @@
 """A node drives a route in lockstep: stamped commands lead to the same bytes, however long the node thinks."""
 
 import math
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,8 +13,11 @@ from commands import SCENE, Simbev, write_small
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlannedPath
+from std_msgs.msg import String
 from subscriber import outside_node
 
+from simbev_ros.dataset import open_dataset
+from simbev_ros.evaluation.driving.recorded_drives import drives_of
 from simbev_ros.join import Driver
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.digest import topic_digests
@@ -89,6 +93,29 @@ def test_a_planned_route_is_driven_to_its_goal_the_same_whatever_the_driver_take
         assert status[-1]["speed"] == pytest.approx(SPEED_MPS, abs=0.3)
         assert rows[-1]["remaining"] <= 5.0
     assert digests[0] == digests[1]
+
+
+@pytest.mark.slow
+def test_an_interrupted_drive_has_its_last_score_and_every_infraction(simbev: Simbev, tmp_path: Path) -> None:
+    scores: list[String] = []
+    command = simbev("run", street(tmp_path), "--record", tmp_path / "out")
+    with outside_node("driver") as (node, spin_until):
+        driver = Driver(node, route_planner((0.0,)), {"/ego/odom": Odometry}, ("/ego/planned_path", PlannedPath))
+        node.create_subscription(String, "/drive/score", scores.append, 10)
+        spin_until(lambda: len(scores) > 4)
+        command.process.send_signal(signal.SIGINT)
+        spin_until(lambda: command.process.poll() is not None)
+        driver.lockstep.close()
+    code, output = command.finish()
+    assert code == 130, output
+    (scene,) = open_dataset(tmp_path / "out", threads=1).scenes
+    with SceneBag(tmp_path / "out" / SCENE) as bag:
+        assert (bag.custom_data["ended"], bag.custom_data["complete"]) == ("interrupted", "true")
+    score = dict(scene[-1]["drive/score"])
+    assert score.pop("stamp_ns") == scene.stamps_ns[-1]
+    (recorded,), (judged,) = drives_of([scene]), drives_of([scene], again=True)
+    assert recorded.infractions == judged.infractions != ()
+    assert score == judged.figures
 
 
 @pytest.mark.slow

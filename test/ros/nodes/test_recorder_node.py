@@ -34,7 +34,7 @@ def recorder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(topics, "manifest", lambda *_, **__: recorded)
     rclpy.init(args=["--ros-args", "-p", f"dataset:={tmp_path}"], domain_id=DOMAIN)
     made: Any = RecorderNode(NodeName("recorder"))
-    made.read_end = lambda message: SceneEnd(scene=SCENE.name, tick=LAST, reason="goal", judged=True)
+    made.read_end = lambda message: SceneEnd(scene=SCENE.name, tick=LAST, reason="goal")
     text = SCENE.model_dump_json()
     made._on_scene(text, serialize_message(String(data=text)))
     yield made

@@ -10,11 +10,13 @@ import pytest
 from drive_cases import EGO_ID, TICK_S, actor, braking, drive, network, spec, state, straight
 from made_up_scene import made_up_spec
 from started_nodes import started_node
+from std_msgs.msg import String
 
 from simbev_ros.evaluation.driving.figures import drive_figures
 from simbev_ros.evaluation.driving.static_world import SolidMesh
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.ros.nodes import referee_node
+from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.schema.scene.spec import SceneSpec
 
 WALL = SolidMesh(np.array([[[120.0, -5.0, 0.0], [120.0, 5.0, 0.0], [120.0, 0.0, 3.0]]]))
@@ -30,7 +32,7 @@ def _street() -> Iterator[None]:
 
 def play(node: Any, scene: SceneSpec, at: Any, seconds: float) -> dict[str, list[dict[str, Any]]]:
     """What the node publishes, by topic; it must report every tick."""
-    sent, finished = defaultdict(list), []
+    sent, finished = defaultdict[str, list[Any]](list), []
     node.spec = scene
     node.publish = lambda name, message: sent[name].append(json.loads(message.data))
     node.report_finished = lambda _, tick: finished.append(tick)
@@ -40,7 +42,7 @@ def play(node: Any, scene: SceneSpec, at: Any, seconds: float) -> dict[str, list
         node.process(scene, seen)
         node.finish(scene, seen)
     assert finished == [*ticks]
-    return dict(sent)
+    return sent
 
 
 def test_what_the_node_publishes_is_what_the_referee_finds() -> None:
@@ -70,6 +72,21 @@ def test_the_score_of_a_driver_that_stops_says_so() -> None:
     assert [each["kind"] for each in sent["/drive/events"]] == ["discomfort", "standstill"]
     assert sent["/drive/score"][-1]["ended"] == "standstill"
     assert 0.0 < sent["/drive/score"][-1]["scores"]["leaderboard_2_1"]["driving_score"] < 100.0
+
+
+@pytest.mark.parametrize("is_early", [False, True])
+def test_the_last_tick_of_a_scene_has_one_score_whatever_ends_it(is_early: bool) -> None:
+    """The end may arrive before or after the last tick, here the fifth one."""
+    scene = spec()
+    with started_node("referee", scene) as node:
+        node.read_end = lambda _: SceneEnd(scene=scene.name, tick=4, reason="interrupted")
+        node.spec = scene
+        if is_early:
+            node._on_end(String())
+        sent = play(node, scene, straight(12.0), 5 * TICK_S)
+        assert bool(sent) is is_early
+        node._on_end(String())
+    assert [each["stamp_ns"] for each in sent["/drive/score"]] == [scene.stamp_ns(4)]
 
 
 def test_a_scene_without_a_drive_has_no_referee() -> None:

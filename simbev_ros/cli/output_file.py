@@ -1,8 +1,9 @@
 """Files that users ask for on the command line: checked before the work begins."""
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -10,7 +11,13 @@ from rich.text import Text
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import is_folder
-from simbev_ros.foundation.files.whole_files import is_stream, require_replaceable, require_writable, write_errors
+from simbev_ros.foundation.files.whole_files import (
+    is_stream,
+    require_replaceable,
+    require_writable,
+    write_errors,
+    write_whole,
+)
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")]
 
@@ -69,6 +76,13 @@ def show_written(paths: Iterable[Path], console: Console) -> None:
     """Print the files that were written."""
     for path in paths:
         console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
+
+
+def write_figures(file: Path, figures: Mapping[str, Any], console: Console) -> None:
+    """Write figures as JSON, and print where; raises what ``write_errors`` raises."""
+    with write_errors(file):
+        write_whole(file, json.dumps(figures, indent=2).encode() + b"\n")
+    console.print(f"figures in {file}", soft_wrap=True)
 
 
 def require_name(path: Path) -> None:

@@ -18,9 +18,9 @@ from simbev_ros.config.load import parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
-from simbev_ros.evaluation.driving.figures import mean_figures
+from simbev_ros.evaluation.driving.figures import drives_figures, mean_figures
 from simbev_ros.evaluation.driving.recorded_drives import RecordedDrive, drives_of
-from simbev_ros.evaluation.driving.tables import drive_tables
+from simbev_ros.evaluation.driving.tables import score_table
 from simbev_ros.evaluation.tables import FigureTable
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.dataset import DatasetResult, changed_sections, check_workers, make_dataset
@@ -131,26 +131,20 @@ def suite_drives(scenarios: Mapping[str, Scenario], out: Path) -> list[SuiteDriv
 
 def suite_figures(drives: Sequence[SuiteDrive], stack: str) -> dict[str, Any]:
     """Means of all drives and of each group, and the figures of each scene, as plain values for JSON."""
-    scenes = {
-        each.scene.name: {
-            **each.groups,
-            **each.drive.figures,
-            "events": [event.record() for event in each.drive.infractions],
-        }
-        for each in drives
-    }
+    scenes = {each.scene.name: {**each.groups, **each.drive.record()} for each in drives}
     by = {
         group: {name: mean_figures([each.drive.figures for each in some]) for name, some in _grouped(drives, group)}
         for group in GROUPS
     }
-    return {"stack": stack, **mean_figures([each.drive.figures for each in drives]), "by": by, "scenes": scenes}
+    return {"stack": stack, **drives_figures(scenes), "by": by}
 
 
 def suite_tables(figures: Mapping[str, Any]) -> Iterator[FigureTable]:
     """Tables of the scores by group, from the values of ``suite_figures``."""
     for group in GROUPS:
-        means = [RecordedDrive(f"{name} ({each['drives']})", each, ()) for name, each in figures["by"][group].items()]
-        table = next(drive_tables(means, figures))
+        table = score_table(
+            {f"{name} ({each['drives']})": each for name, each in figures["by"][group].items()}, figures
+        )
         yield FigureTable(f"by {group}", (group, *table.heads[1:-1]), [row[:-1] for row in table.rows])
 
 

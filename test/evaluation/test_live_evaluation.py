@@ -8,6 +8,7 @@ import pytest
 from made_up_scene import made_up_scene
 
 from simbev_ros.dataset import Scene, open_dataset
+from simbev_ros.evaluation.driving.figures import SCORES
 from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import figures_of
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
@@ -137,6 +138,16 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
     assert figures["latency_ms"] == {"p50": None, "p90": None, "p99": None}
     assert "detection" not in figures
     assert "segmentation" not in figures
+
+
+def test_drives_of_scenes_that_have_them_are_scored(scene: Scene) -> None:
+    live = LiveEvaluation(scene.view, OPTIONS)
+    scores = {name: {"driving_score": 40.0} for name in SCORES}
+    score = {"ended": "goal", "completed": 0.8, "infractions": {"red_light": 1}, "scores": scores}
+    found = live_figures([live.finish(JoinCounts(), score), live.finish(JoinCounts())], OPTIONS)["drives"]
+    assert found["scenes"] == {scene.name: score}
+    assert (found["drives"], found["infractions"]) == (1, {"red_light": 1})
+    assert found["scores"] == scores
 
 
 def test_boxes_of_an_unknown_frame_are_refused(scene: Scene) -> None:

@@ -1,9 +1,8 @@
 """``simbev drive suite``: plays the suite of drives with a driver, and scores it."""
 
-import json
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -12,10 +11,6 @@ from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_options import GraphRay, GraphWorkers
 from simbev_ros.config.included_stacks import INCLUDED_DRIVERS
-from simbev_ros.foundation.files.whole_files import write_errors, write_whole
-
-if TYPE_CHECKING:
-    from simbev_ros.production.drive_suite import SuiteDrive
 
 
 class Interface(StrEnum):
@@ -70,9 +65,17 @@ def suite(
     Driver(node, decide, {"/ego/odom": Odometry}, ("/ego/ackermann_cmd", AckermannDriveStamped))
     rclpy.spin(node)
     """  # noqa: D301  # a paragraph that begins with a backspace is not wrapped
+    from simbev_ros.cli.evaluate.drives import show_drives
     from simbev_ros.cli.generate import show_failures
     from simbev_ros.cli.production_display import DatasetDisplay
-    from simbev_ros.production.drive_suite import make_suite, suite_drives, suite_scenarios, suite_size
+    from simbev_ros.production.drive_suite import (
+        make_suite,
+        suite_drives,
+        suite_figures,
+        suite_scenarios,
+        suite_size,
+        suite_tables,
+    )
 
     for path in filter(None, (report, json_file)):
         require_place(path)
@@ -82,30 +85,15 @@ def suite(
     failed = {f"{ability}/{name}": why for ability, each in results.items() for name, why in each.failed.items()}
     show_failures(failed, console)
     if drives := suite_drives(scenarios, out):
-        _show(drives, stack, report, json_file)
+        figures, title = suite_figures(drives, stack), f"drives by {stack}"
+        show_drives(
+            title,
+            [f"{plural(len(drives), 'drive')} by {stack}"],
+            [each.scene for each in drives],
+            [each.drive for each in drives],
+            figures,
+            suite_tables(figures),
+            report=report,
+            json_file=json_file,
+        )
     raise typer.Exit(0 if drives and all(each.is_complete for each in results.values()) else 1)
-
-
-def _show(drives: "list[SuiteDrive]", stack: str, report: Path | None, json_file: Path | None) -> None:
-    """Print the scores, and write them to the files that are asked for."""
-    from simbev_ros.cli.evaluate.tables import print_figure_tables
-    from simbev_ros.evaluation.driving.tables import drive_tables
-    from simbev_ros.production.drive_suite import suite_figures, suite_tables
-
-    console, figures = make_console(highlight=False), suite_figures(drives, stack)
-    console.print(f"{plural(len(drives), 'drive')} by {stack}")
-    judged = [each.drive for each in drives]
-    print_figure_tables([*drive_tables(judged, figures), *suite_tables(figures)], console)
-    if json_file is not None:
-        _write(json_file, figures)
-        console.print(f"figures in {json_file}", soft_wrap=True)
-    if report is not None:
-        from simbev_ros.show.reports.drive_report import write_drive_report
-
-        write_drive_report(report, f"drives by {stack}", [each.scene for each in drives], judged, figures)
-        console.print(f"report in {report}", soft_wrap=True)
-
-
-def _write(path: Path, figures: dict[str, Any]) -> None:
-    with write_errors(path):
-        write_whole(path, json.dumps(figures, indent=2).encode() + b"\n")

@@ -1,6 +1,5 @@
 """``simbev evaluate``: measures predictions with the metrics of the paper."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,10 +9,10 @@ from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.evaluate.drives import drives_beside, evaluate_drives
-from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.output_file import require_place, write_figures
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.errors import InputError, SimbevError
-from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import is_dataset
 
@@ -144,8 +143,6 @@ def _show_figures(figures: Mapping[str, Any], json_file: Path | None, drives: "S
 
     console = make_console(highlight=False)
     if json_file is not None:  # before the tables, because their reader may close the pipe, as head does
-        with write_errors(json_file):
-            write_whole(json_file, json.dumps(figures, indent=2).encode() + b"\n")
-        console.print(f"figures in {json_file}", soft_wrap=True)
+        write_figures(json_file, figures, console)
     print_tables(figures, console)
     print_figure_tables(drives, console)

@@ -1,7 +1,6 @@
 """``simbev evaluate`` with a dataset alone: the scores of its drives."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +10,8 @@ from rich.console import Console
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.evaluate.tables import print_figure_tables
+from simbev_ros.cli.output_file import write_figures
 from simbev_ros.foundation.errors import InputError, SimbevError
-from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
 
@@ -32,9 +31,7 @@ def evaluate_drives(
         BagError: A bag is damaged.
     """
     from simbev_ros.evaluation.driving.recorded_drives import drives_of
-    from simbev_ros.evaluation.driving.tables import drive_tables
 
-    console = make_console(highlight=False)
     with make_console(stderr=True).status("drives"):
         opened, unfinished = _opened(dataset)
         chosen = option.chosen_scenes(opened, split, scenes)
@@ -43,20 +40,38 @@ def evaluate_drives(
         raise InputError(
             f"{dataset}: no scene has a route to drive (section drive); predictions come before the dataset"
         )
-    means = _summary(drives)
-    if json_file is not None:
-        with write_errors(json_file):
-            write_whole(json_file, json.dumps({"dataset": str(dataset), **means}, indent=2).encode() + b"\n")
-        console.print(f"figures in {json_file}", soft_wrap=True)
-    console.print(plural(len(drives), "drive"))
+    words = [plural(len(drives), "drive")]
     if cut := [each.scene for each in drives if each.scene in unfinished]:
-        console.print(f"scored up to their last tick, as their scenes failed: {', '.join(cut)}", soft_wrap=True)
-    print_figure_tables(drive_tables(drives, means), console)
+        words.append(f"scored up to their last tick, as their scenes failed: {', '.join(cut)}")
+    figures = {"dataset": str(dataset), **_summary(drives)}
+    show_drives(dataset.resolve().name, words, chosen, drives, figures, report=report, json_file=json_file)
+
+
+def show_drives(
+    title: str,
+    words: "Sequence[str]",
+    scenes: "Sequence[Scene]",
+    drives: "Sequence[RecordedDrive]",
+    figures: "Mapping[str, Any]",
+    tables: "Iterable[FigureTable]" = (),
+    *,
+    report: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Print words and the scores of drives with further tables; write a report and figures if they are asked for."""
+    from simbev_ros.evaluation.driving.tables import drive_tables
+
+    console = make_console(highlight=False)
+    if json_file is not None:
+        write_figures(json_file, figures, console)
+    for line in words:
+        console.print(line, soft_wrap=True)
+    print_figure_tables([*drive_tables(drives, figures), *tables], console)
     if report is not None:
         from simbev_ros.show.reports.drive_report import write_drive_report
 
         with make_console(stderr=True).status("report"):
-            write_drive_report(report, dataset.resolve().name, chosen, drives, means)
+            write_drive_report(report, title, scenes, drives, figures)
         console.print(f"report in {report}", soft_wrap=True)
 
 
@@ -83,17 +98,9 @@ def drives_beside(chosen: "Sequence[Scene]", console: Console) -> "tuple[dict[st
 
 def _summary(drives: "Sequence[RecordedDrive]") -> dict[str, Any]:
     """Means of drives, and what was found in each scene, as plain values for JSON."""
-    from simbev_ros.evaluation.driving.figures import mean_figures
+    from simbev_ros.evaluation.driving.figures import drives_figures
 
-    scenes = {
-        each.scene: {
-            **each.figures,
-            "events": [event.record() for event in each.infractions],
-            "route_events": each.route_events,
-        }
-        for each in drives
-    }
-    return {**mean_figures([each.figures for each in drives]), "scenes": scenes}
+    return drives_figures({each.scene: each.record() for each in drives})
 
 
 def _opened(path: Path) -> "tuple[Dataset, frozenset[str]]":

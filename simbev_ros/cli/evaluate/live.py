@@ -115,7 +115,7 @@ def _figures_of(figures: Path, agent: str) -> Path:
 
 def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
     """Print ``evaluation.live.live_figures`` as tables."""
-    from simbev_ros.cli.evaluate.tables import print_tables
+    from simbev_ros.cli.evaluate.tables import print_figure_tables, print_tables
 
     if "agent" in figures:
         console.print(f"stack of {figures['agent']}", style="bold", highlight=False, soft_wrap=True)
@@ -128,6 +128,10 @@ def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
         if count := frames[f"without_{what}"]:
             words.append(f"{count} frames do not count, as their {what} was left out or lost")
     console.print("\n".join(words), highlight=False, soft_wrap=True)
+    if drives := figures.get("drives"):
+        from simbev_ros.evaluation.driving.tables import score_table
+
+        print_figure_tables([score_table(drives["scenes"], drives)], console)
 
 
 def _require_writable(figures: Path) -> None:

@@ -36,6 +36,22 @@ def drive_figures(drive: DriveRecord) -> dict[str, Any]:
     }
 
 
+def checked_figures(figures: Any) -> Mapping[str, Any]:
+    """Figures of a drive from a bag or a message.
+
+    Raises:
+        ValueError: They are none.
+    """
+    if not isinstance(figures, dict) or not {"scores", "infractions", "completed", "ended"} <= figures.keys():
+        raise ValueError("no score of a drive")
+    return figures
+
+
+def drives_figures(scenes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Means of drives (``mean_figures``), and under ``scenes`` the figures of each, by the name of its scene."""
+    return {**mean_figures([*scenes.values()]), "scenes": scenes}
+
+
 def mean_figures(drives: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Means of the scores over drives, without undefined values, and sums of the infractions."""
     scores: dict[str, dict[str, float | None]] = {}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from simbev_ros.dataset import Scene
-from simbev_ros.evaluation.driving.figures import drive_figures
+from simbev_ros.evaluation.driving.figures import checked_figures, drive_figures
 from simbev_ros.evaluation.driving.infractions import Infraction
 from simbev_ros.evaluation.driving.referee import Referee
 from simbev_ros.evaluation.driving.static_world import load_static_world
@@ -31,6 +31,11 @@ class RecordedDrive:
     figures: Mapping[str, Any]
     infractions: tuple[Infraction, ...]
     route_events: tuple[Mapping[str, Any], ...] = ()
+
+    def record(self) -> dict[str, Any]:
+        """The drive as plain values for JSON, without the name of the scene."""
+        events = [infraction.record() for infraction in self.infractions]
+        return {**self.figures, "events": events, "route_events": self.route_events}
 
 
 def drives_of(scenes: Sequence[Scene], *, again: bool = False) -> list[RecordedDrive]:
@@ -71,7 +76,7 @@ def _has_last_score(scene: Scene) -> bool:
 def _as_recorded(scene: Scene) -> RecordedDrive:
     try:
         infractions = tuple(map(Infraction.of_record, scene.records(_EVENTS)))
-        return RecordedDrive(scene.name, _checked(scene[-1][_SCORE]), infractions, _route_events(scene))
+        return RecordedDrive(scene.name, checked_figures(scene[-1][_SCORE]), infractions, _route_events(scene))
     except ValueError as error:
         raise BagError(f"{scene.path}: /drive: {error}") from None
 
@@ -79,9 +84,3 @@ def _as_recorded(scene: Scene) -> RecordedDrive:
 def _route_events(scene: Scene) -> tuple[Mapping[str, Any], ...]:
     events = ((str(each.get("type")), each) for each in scene.records("world/events"))
     return tuple(each for kind, each in events if kind != COLLISION and not kind.startswith(ENTITY_PREFIX))
-
-
-def _checked(figures: Any) -> Mapping[str, Any]:
-    if not isinstance(figures, dict) or not {"scores", "infractions", "completed", "ended"} <= figures.keys():
-        raise ValueError("no score of a drive")
-    return figures

@@ -1,6 +1,6 @@
 """The referee: judges the drive of a scene's first agent, state by state, live as well as from a recording."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import chain
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
@@ -107,10 +107,3 @@ class Referee:
             speed_checks=tuple(self._speed.checks),
             comfort=self._comfort.variables(),
         )
-
-
-def judge_states(referee: Referee, states: Iterable[WorldState]) -> DriveRecord:
-    """Let a referee judge all states, and return the drive."""
-    for state in states:
-        referee.judge(state)
-    return referee.record

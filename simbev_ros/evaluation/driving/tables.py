@@ -24,10 +24,7 @@ _COLUMNS: Mapping[str, tuple[str, str, float]] = {
 
 def drive_tables(drives: Sequence[RecordedDrive], means: Mapping[str, Any]) -> Iterator[FigureTable]:
     """Scores of each drive and their means, then the infractions and the events along the routes of all drives."""
-    rows = [_scores(each.scene, each.figures) for each in drives]
-    if len(drives) > 1:
-        rows.append(_scores("mean", means))
-    yield FigureTable("drives", ("scene", *_COLUMNS, "ended"), rows)
+    yield score_table({each.scene: each.figures for each in drives}, means)
     found = [infraction for drive in drives for infraction in drive.infractions]
     kinds = [kind for kind in InfractionKind if any(each.kind is kind for each in found)]
     if kinds:
@@ -37,6 +34,14 @@ def drive_tables(drives: Sequence[RecordedDrive], means: Mapping[str, Any]) -> I
     types = Counter(each["type"] for drive in drives for each in drive.route_events)
     if events := [kind for kind in EventKind if types[f"{kind.value}.begin"]]:
         yield FigureTable("events", ("kind", "begun", "ended"), [_event_counts(kind, types) for kind in events])
+
+
+def score_table(drives: Mapping[str, Mapping[str, Any]], means: Mapping[str, Any]) -> FigureTable:
+    """Scores of drives by name, and their means if there are several."""
+    rows = [_scores(name, figures) for name, figures in drives.items()]
+    if len(drives) > 1:
+        rows.append(_scores("mean", means))
+    return FigureTable("drives", ("scene", *_COLUMNS, "ended"), rows)
 
 
 def described(kind: InfractionKind, value: float) -> str:

@@ -4,7 +4,7 @@
 end the tally of the scene, equal to the one that ``scene_evaluation`` computes from a recording.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset.calibration import calibrations
+from simbev_ros.evaluation.driving.figures import drives_figures
 from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import METHODS, figures_of
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame, pose_of
@@ -50,11 +51,13 @@ class LiveScene:
         tally: Tally of the scene, in the form of a recorded scene's.
         latency_ms: (L,) time from the input to the last answer, of the frames that were answered in every kind.
         counts: Numbers of missed frames and late answers.
+        drive: The last score of the scene's drive (``driving.figures.drive_figures``); None: there is none.
     """
 
     tally: SceneTally
     latency_ms: Float64Array
     counts: JoinCounts
+    drive: Mapping[str, Any] | None
 
 
 class LiveEvaluation:
@@ -128,7 +131,7 @@ class LiveEvaluation:
         figures |= {f"latency_{name}_ms": value for name, value in _percentiles(np.array(self._latency_ms)).items()}
         return {name: value for name, value in figures.items() if np.isfinite(value)}
 
-    def finish(self, counts: JoinCounts) -> LiveScene:
+    def finish(self, counts: JoinCounts, drive: Mapping[str, Any] | None = None) -> LiveScene:
         """Result of the scene; its tally equals ``scene_evaluation.evaluate_scene`` for the same frames and answers."""
         self._match()
         rows = np.concatenate([np.zeros(0, FRAME_DTYPE), *self._rows])
@@ -145,7 +148,7 @@ class LiveEvaluation:
             self._left_out,
             {each: join_tracks([part[each] for part in self._tracks]) for each in self._tracks[0]},
         )
-        return LiveScene(tally, np.array(self._latency_ms), counts)
+        return LiveScene(tally, np.array(self._latency_ms), counts, drive)
 
     @property
     def _answered_kinds(self) -> BoolArray:
@@ -181,13 +184,15 @@ def live_figures(scenes: Sequence[LiveScene], options: EvaluationOptions) -> dic
     """Metrics of at least one scene, as in ``figures.figures_of``, and those that are only known live.
 
     The latter are ``latency_ms`` (percentiles; null if there is none), ``scenes`` (names), and the fields of
-    ``answer_join.JoinCounts`` in ``frames``.
+    ``answer_join.JoinCounts`` in ``frames``. With drives there are also their scores, as in ``drives_figures``.
     """
     figures = figures_of(evaluation_from_tallies([each.tally for each in scenes], options))
     counts = [asdict(each.counts) for each in scenes]
     figures["frames"] |= {name: sum(each[name] for each in counts) for name in counts[0]}
     percentiles = _percentiles(np.concatenate([each.latency_ms for each in scenes]))
     figures["latency_ms"] = {name: value if np.isfinite(value) else None for name, value in percentiles.items()}
+    if drives := {each.tally.scene: each.drive for each in scenes if each.drive is not None}:
+        figures["drives"] = drives_figures(drives)
     return {"scenes": [each.tally.scene for each in scenes], **figures}
 
 

@@ -6,7 +6,7 @@ Running figures are published on /evaluation; the figures of a scene are written
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -20,12 +20,14 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
 from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.evaluation.driving.figures import checked_figures, mean_figures
 from simbev_ros.evaluation.joint_truth import boxes_in_reach
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits, pose_of
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.types import Float64Array, Table
@@ -139,6 +141,10 @@ class EvaluatorNode(GraphNode):
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
         self._stack.start_scene(spec)
+        self._drive: Mapping[str, Any] | None = None
+        for topic in topics.referee_topics(spec) if self._evaluated.index == 0 else ():
+            if topic.name == topics.DRIVE_SCORE:
+                self._subscribe(topic, self._on_score)
         self._spec = spec
         self._numbers.add(spec.number)
 
@@ -195,6 +201,19 @@ class EvaluatorNode(GraphNode):
         tick = None if stamp_ns is None else self._tick(stamp_ns)
         if tick is not None:
             self._join.add_input(tick, received_s(info))
+
+    def _on_score(self, message: String) -> None:
+        """Keep the latest score of the scene's drive."""
+        score = self.read(topics.DRIVE_SCORE, _score, message.data)
+        if score is not None and self._tick(score["stamp_ns"]) is not None:
+            self._drive = score
+            self._advance()
+
+    def _has_last_score(self, spec: SceneSpec) -> bool:
+        """Whether the score at the end of a drive has arrived, if one is due; live, the referee may be late."""
+        if self.live or topics.DRIVE_SCORE not in self._subscriptions_by_topic or spec.drive is None:
+            return True
+        return self._drive is not None and self._drive["stamp_ns"] == spec.stamp_ns(self._join.finished_tick)
 
     def _tick(self, stamp_ns: int) -> int | None:
         """Tick of a stamp of this scene; None for the lead-in and for other scenes."""
@@ -265,7 +284,7 @@ class EvaluatorNode(GraphNode):
                 self._live_evaluation.add_frame(frame)
         if self._join.finished_tick > before:
             self.report_finished(spec, self._join.finished_tick)
-        if self._join.is_over:
+        if self._join.is_over and self._has_last_score(spec):
             self._finish_scene(spec)
             self.report_finished(spec, self._join.finished_tick + 1)
         elif now_s >= self._next_figures_s:
@@ -287,7 +306,7 @@ class EvaluatorNode(GraphNode):
     def _finish_scene(self, spec: SceneSpec) -> None:
         """Write the figures of all scenes up to now, or those of this one (see the parameters)."""
         self._publish_figures(spec)
-        self._scenes.append(self._live_evaluation.finish(self._join.counts))
+        self._scenes.append(self._live_evaluation.finish(self._join.counts, self._drive))
         self._spec = None
         for path in self._files:
             if path.suffix == ".json":
@@ -314,6 +333,13 @@ def _joint_topic(spec: SceneSpec) -> Topic:
         if topic.name == JOINT_BOXES:
             return topic
     raise InputError(f"evaluation.truth: {spec.name} has one agent, and so no joint truth; it must be own")
+
+
+def _score(text: str) -> Mapping[str, Any]:
+    """A score of a drive. Raises ValueError, KeyError or TypeError if it is none."""
+    figures = checked_figures(parse_json(text))
+    mean_figures([figures])  # whether it has numbers
+    return {**figures, "stamp_ns": int(figures["stamp_ns"])}
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:

@@ -10,6 +10,9 @@ from typing import Any
 import pytest
 from commands import Config, Simbev
 
+from simbev_ros.dataset import open_dataset
+from simbev_ros.evaluation.driving.recorded_drives import drives_of
+
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 PARTICIPANT = "evaluation: {participant: echo}"
@@ -63,6 +66,20 @@ def test_markers_and_occupancy_grids_of_single_classes_are_perfect(
     assert figures["detection"]["iou"]["mAP"] == figures["detection"]["distance"]["mAP"] == 1.0
     assert set(figures["segmentation"]["IoU_at"]) == {"road", "car", "pedestrian"}
     assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
+
+
+def test_the_figures_of_a_drive_are_those_of_its_recorded_score(
+    simbev: Simbev, lidar_config: Config, tmp_path: Path
+) -> None:
+    config, file = lidar_config(f"{PARTICIPANT}\ndrive: {{goal_m: 60}}"), tmp_path / "figures.json"
+    more = ("--evaluate", file, "--record", tmp_path / "out")
+    code, output = simbev("run", config, "--stack", echo("--reports"), *more).finish()
+    assert code == 0, output
+    (recorded,) = drives_of(open_dataset(tmp_path / "out", threads=1).scenes)
+    drives = figures_of(file)["drives"]
+    assert drives["scenes"] == {"Blocks-0000": recorded.figures}
+    assert drives["scores"] == recorded.figures["scores"]
+    assert "Bench2Drive" in output
 
 
 def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ class Population:
         self.sumo_vehicle_count = len(sumo.vehicles)
         standing_indices = [index for index, vehicle in enumerate(spec.vehicles) if vehicle.stands_at is not None]
         self.vehicles: tuple[int, ...] = (*sumo.vehicles, *standing_indices)
-        self.pedestrians = sumo.pedestrians
+        self.pedestrians = sumo.walkers.indices
         stands = [stand for vehicle in spec.vehicles if (stand := vehicle.stands_at) is not None]
         standing = [spec.vehicles[index] for index in standing_indices]
         half_m = np.array([blueprint_named(vehicle.blueprint).size_m[0] / 2.0 for vehicle in standing])

@@ -205,9 +205,9 @@ class Simulation:
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:
-            self._extend_routes()
-            if self._spec.map.path:
-                self._reroute()
+            self._sumo.keep_on_routes(
+                self._routes, self._steps, self._outside_drivers, detours=bool(self._spec.map.path)
+            )
             self._sumo.shorten_closures()
             if self._impatience is not None:
                 self._impatience.update(self._ticks_per_second * self._spec.tick_ns / NS_PER_S)
@@ -254,21 +254,6 @@ class Simulation:
         start_tick = max(-self._actors.delay_ticks, 2 - self._spec.warm_up_ticks)
         if self._spec.drive is not None and (self._steps == 1 or tick == start_tick):
             self._sumo.limit_speed(self._sumo.vehicles.index(0), "drive", None if tick == start_tick else 0.0)
-
-    def _extend_routes(self) -> None:
-        """Extend the routes that end soon, except those of vehicles driven from outside."""
-        for row, edge in self._sumo.ending_routes():
-            if (vehicle := self._sumo.vehicles[row]) not in self._outside_drivers:
-                extension = self._routes.draw_extension(vehicle, edge, self._steps)
-                self._sumo.extend_route(row, extension.edges, extension.last_lane)
-
-    def _reroute(self) -> None:
-        """Give vehicles that wait in a wrong lane for long a route that this lane leads to."""
-        for row, lane in self._sumo.vehicles_in_wrong_lanes():
-            vehicle = self._sumo.vehicles[row]
-            detour = self._routes.draw_detour(vehicle, lane, self._steps)
-            if len(detour.edges) > 1 and vehicle not in self._outside_drivers:
-                self._sumo.replace_route(row, detour.edges, detour.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:
         effect = rain_effect(self.weather.at(tick))

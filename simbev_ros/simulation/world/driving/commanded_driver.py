@@ -1,7 +1,6 @@
 """Driver of a vehicle that follows stamped commands of an outside node with the dynamic vehicle model."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -21,22 +20,12 @@ class CommandedDriver(DrivenVehicle):
         model: The state of the vehicle.
     """
 
-    def __init__(
-        self,
-        blueprint: Blueprint,
-        front_m: Float64Array,
-        direction: Float64Array,
-        max_speed_mps: float,
-        tick_s: float,
-        heights_m: Callable[[Float64Array], Float64Array],
-    ) -> None:
-        """Start at rest; arguments as for ``DrivenVehicle``."""
-        super().__init__(blueprint, front_m, direction, max_speed_mps, tick_s, heights_m)
+    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
         self._comfortable_mps2 = blueprint.decel
         yaw_rad = math.atan2(direction[1], direction[0])
         own = Dynamics.of(blueprint)
         back_m = self._rear_to_front_m - own.rear_m
-        x_m, y_m = front_m[0] - back_m * math.cos(yaw_rad), front_m[1] - back_m * math.sin(yaw_rad)
+        x_m, y_m = self.front_m[0] - back_m * math.cos(yaw_rad), self.front_m[1] - back_m * math.sin(yaw_rad)
         self.model = VehicleModel(own, float(x_m), float(y_m), yaw_rad)
         self._place()
         self._command: VehicleCommand | None = None

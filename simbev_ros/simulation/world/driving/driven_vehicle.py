@@ -46,6 +46,11 @@ class DrivenVehicle:
         self.front_m = front_m.copy()
         ahead = np.array(direction[:2]) / np.hypot(*direction[:2])
         self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * ahead, front_m[2])
+        self._start(blueprint, direction)
+
+    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
+        """Prepare the model of the motion, at rest; the arguments are those of the constructor."""
+        raise NotImplementedError
 
     @property
     def _lacks_command(self) -> bool:

@@ -1,7 +1,6 @@
 """Ego driver for an outside node: desired speed and yaw rate in, the motion of a car that can follow them out."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -26,19 +25,9 @@ class EgoDriver(DrivenVehicle):
         yaw_rad: Heading.
     """
 
-    def __init__(
-        self,
-        blueprint: Blueprint,
-        front_m: Float64Array,
-        direction: Float64Array,
-        max_speed_mps: float,
-        tick_s: float,
-        heights_m: Callable[[Float64Array], Float64Array],
-    ) -> None:
-        """Start at rest; arguments as for ``DrivenVehicle``."""
-        super().__init__(blueprint, front_m, direction, max_speed_mps, tick_s, heights_m)
+    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
         self._blueprint, self.yaw_rad = blueprint, math.atan2(direction[1], direction[0])
-        self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * self._ahead(), front_m[2])
+        self.axle_m = self._on_road(self.front_m[:2] - self._rear_to_front_m * self._ahead(), self.front_m[2])
         self._desired_mps = self._desired_radps = 0.0
         self._speed_mps = self._steer_rad = 0.0
 

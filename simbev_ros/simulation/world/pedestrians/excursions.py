@@ -47,7 +47,7 @@ class Excursions:
             population: Vehicles and pedestrians.
             front_m: (V, 3) fronts of the vehicles.
         """
-        self._sumo = population.sumo
+        self._on_net = population.sumo.walkers
         self._tick_s = spec.tick_ns / NS_PER_S
         pedestrians = [spec.pedestrians[index] for index in population.pedestrians]
         self._speed_mps = [pedestrian.max_speed_mps for pedestrian in pedestrians]
@@ -73,7 +73,7 @@ class Excursions:
         """Let a pedestrian stand at a (3,) position, off the network, until it is told to ``walk_across``."""
         walker = FreeWalker(position_m, self._speed_mps[row], self._half_length_m[row], self._tick_s)
         self._walkers[row] = walker, iter(())
-        self._sumo.remove_pedestrian(row)
+        self._on_net.remove(row)
 
     def walk_across(self, row: int, goal_m: Float64Array) -> None:
         """Let a held pedestrian walk straight to a (2,) position, heedless of vehicles, and stay there."""
@@ -154,17 +154,17 @@ class Excursions:
         else:
             steps = self._jaywalks.cross(row, walker, leg.excursion)
         self._walkers[row] = walker, self._walk_excursion(row, walker, steps, leg.excursion.end_position_m)
-        self._sumo.remove_pedestrian(row)
+        self._on_net.remove(row)
 
     def _walk_excursion(self, row: int, walker: FreeWalker, steps: Iterator[None], position_m: float) -> Iterator[None]:
         """All steps from leaving the network to walking on it again, at SUMO's position on the next leg."""
         yield from steps
         leg = self._legs[row][0]
-        self._sumo.reinsert_pedestrian(row, leg.edges, position_m, leg.arrival_m, leg.passes)
+        self._on_net.reinsert(row, leg.edges, position_m, leg.arrival_m, leg.passes)
         yield
-        self._sumo.limit_walking_speed(row, 0.0)
+        self._on_net.limit_speed(row, 0.0)
         yield from walker.walk_to(self._pedestrian_m[row])
-        self._sumo.limit_walking_speed(row, self._speed_mps[row])
+        self._on_net.limit_speed(row, self._speed_mps[row])
         self._jaywalks.end_crossing(row)
         self._visits.pop(row, None)
         del self._walkers[row]

@@ -42,7 +42,7 @@ class Pauses:
 
     def __init__(self, spec: SceneSpec, population: Population) -> None:
         """Start before the first step."""
-        self._sumo = population.sumo
+        self._walkers = population.sumo.walkers
         self._tick_s = spec.tick_ns / NS_PER_S
         self._speed_mps = [spec.pedestrians[index].max_speed_mps for index in population.pedestrians]
         self._coming = [draw_pauses(spec, spec.leader_of(index)) for index in population.pedestrians]
@@ -61,11 +61,11 @@ class Pauses:
         for row in np.flatnonzero((self._pause_s[:, 0] <= now_s) & ~crashed).tolist():
             if row in away:
                 self._standing.discard(row)
-            elif row not in self._standing and self._sumo.is_on_sidewalk(row):
+            elif row not in self._standing and self._walkers.is_on_sidewalk(row):
                 self._standing.add(row)
-                self._sumo.limit_walking_speed(row, 0.0)
+                self._walkers.limit_speed(row, 0.0)
             if self._pause_s[row, 1] <= now_s:
                 self._pause_s[row] = next(self._coming[row])
                 if row in self._standing:
                     self._standing.remove(row)
-                    self._sumo.limit_walking_speed(row, self._speed_mps[row])
+                    self._walkers.limit_speed(row, self._speed_mps[row])

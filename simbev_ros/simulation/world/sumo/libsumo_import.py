@@ -9,4 +9,7 @@ from io import StringIO
 with redirect_stdout(StringIO()):
     import libsumo
 
-__all__ = ["libsumo"]
+__all__ = ["FAILURES", "libsumo"]
+
+FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
+"""Exceptions with which SUMO fails."""

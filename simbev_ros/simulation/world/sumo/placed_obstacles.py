@@ -7,7 +7,7 @@ import numpy as np
 from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.simulation.world.sumo.given_motion import NO_CHECKS
-from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
+from simbev_ros.simulation.world.sumo.libsumo_import import FAILURES, libsumo
 
 _NAME = "e"  # a number follows
 _DEFAULT_TYPE = "DEFAULT_VEHTYPE"
@@ -41,7 +41,7 @@ class PlacedObstacles:
                 libsumo.vehicle.remove(f"{_NAME}{number}")
             for number, obstacle in obstacles.items():
                 self._place_one(number, obstacle)
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def _place_one(self, number: int, obstacle: Obstacle) -> None:

@@ -1,6 +1,6 @@
 """SUMO in this process: one simulation, advanced tick by tick and read as arrays. Only this package uses libsumo."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +19,14 @@ from simbev_ros.simulation.world.sumo.closures import CLOSURE, shorten_closure
 from simbev_ros.simulation.world.sumo.given_motion import BRAKES_HARD, NO_CHECKS, GivenMotion
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.simulation.world.sumo.lanes_beside import leave_lane
-from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
-from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.simulation.world.sumo.libsumo_import import FAILURES, libsumo
+from simbev_ros.simulation.world.sumo.names import index_of, vehicle_name
 from simbev_ros.simulation.world.sumo.placed_obstacles import PlacedObstacles
+from simbev_ros.simulation.world.sumo.routes import Routes
 from simbev_ros.simulation.world.sumo.signals import PhaseChange
 from simbev_ros.simulation.world.sumo.start import start_sumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
+from simbev_ros.simulation.world.sumo.walkers import SumoPedestrians
 
 _POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
@@ -32,15 +34,11 @@ _VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
 _ON_ROUTE = 1  # mode of moveToXY: on the vehicle's route
 _EMERGENCY_MPS2 = 8.0
 _STANDING_MPS = 0.05
-_FOREVER_S = 1e8
-_ANY_ARRIVAL_M = 1.0
-_AXES = 3
-_FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
 @dataclass(frozen=True, slots=True)
 class TrafficSample:
-    """SUMO's state at one tick, in the order of ``SumoTraffic.vehicles`` and ``SumoTraffic.pedestrians``; map frame.
+    """SUMO's state at one tick, in the order of ``SumoTraffic.vehicles`` and ``SumoTraffic.walkers``; map frame.
 
     Attributes:
         front_m: (V, 3) center of each vehicle's front bumper, on the road.
@@ -60,7 +58,7 @@ class SumoTraffic:
 
     Attributes:
         vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
-        pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
+        walkers: The pedestrians.
         progress: Where the vehicles are on their routes at the latest sample.
         given: Motion that is given to some vehicles, which their drivers do not decide.
         obstacles: What commands place on the roads.
@@ -101,38 +99,33 @@ class SumoTraffic:
         self._has_pending_move = False  # whether SUMO will move an actor at the next step
         try:
             start_sumo(files, self._step_s, seed, speeds_mps, closed_lanes)
-        except _FAILURES as error:
+        except FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error
         closures = [name for name in libsumo.vehicle.getIDList() if name.startswith(CLOSURE)]
         self._closures = {name: libsumo.vehicle.getLength(name) for name in closures}
         driven = (name for name in libsumo.vehicle.getIDList() if not name.startswith(CLOSURE))
         self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
-        self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
+        self.walkers = SumoPedestrians()
         self._crashed: dict[str, dict[int, Any]] = {}
         self._driven: dict[str, tuple[dict[int, Any], Float64Array, Float64Array]] = {}
         self._curvature_per_m: dict[str, float] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
-        self._off_net: dict[str, dict[int, Any]] = {}
         self.obstacles = PlacedObstacles()
         self._cleared: set[str] = set()  # wrecks that have left the simulation
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self.given = GivenMotion(self._vehicle_names, self._left_sign)
-        self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
-        self._latest_points: dict[int, tuple[float, float, float]] = {}
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
         self.progress = RouteProgress((), np.zeros(0), ())
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, BRAKES_HARD)
-        for name in self._pedestrian_names:
-            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
 
     def directions(self) -> Float64Array:
         """(V + P, 3) unit vectors of the headings of vehicles, then pedestrians, map frame; all must be on the net."""
         angles_deg = [
             *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
-            *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
+            *[(angle_deg, 0.0) for angle_deg in self.walkers.angles_deg()],
         ]
         # SUMO's angle turns clockwise from north.
         angle, slope = np.radians(np.array(angles_deg, np.float64).reshape(-1, 2)).T
@@ -146,7 +139,6 @@ class SumoTraffic:
         """
         driven = {name: row for name, (row, *_) in self._driven.items()}
         vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
-        pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
@@ -161,22 +153,9 @@ class SumoTraffic:
             signals = np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64)
             for vehicle, blinkers in self.given.blinkers.items():
                 signals[vehicle] = signals[vehicle] & ~HAZARD_LIGHTS | blinkers
-            return TrafficSample(
-                front_m,
-                axle_m,
-                signals,
-                _point_array(self._pedestrian_points(pedestrians)),
-            )
+            return TrafficSample(front_m, axle_m, signals, self.walkers.points_m())
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
-
-    def _pedestrian_points(self, results: Mapping[str, Mapping[int, Any]]) -> list[tuple[float, float, float]]:
-        """The pedestrians' positions; where SUMO has none, as on walking areas without extent, the latest one."""
-        for row, name in enumerate(self._pedestrian_names):
-            point = results[name][libsumo.VAR_POSITION3D]
-            if len(point) == _AXES:  # an invalid position has two coordinates
-                self._latest_points[row] = point
-        return [self._latest_points[row] for row in range(len(self._pedestrian_names))]
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.
@@ -199,8 +178,7 @@ class SumoTraffic:
             yaw_rad: The vehicle's heading.
         """
         if body >= len(self.vehicles):
-            if (pedestrian := self._pedestrian_names[body - len(self.vehicles)]) not in self._off_net:
-                libsumo.person.setSpeed(pedestrian, 0.0)
+            self.walkers.hold(body - len(self.vehicles))
             return
         name = self._vehicle_names[body]
         self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
@@ -219,8 +197,7 @@ class SumoTraffic:
             body: Index among the vehicles, then pedestrians.
         """
         if body >= len(self.vehicles):
-            if self._pedestrian_names[body - len(self.vehicles)] not in self._off_net:
-                self.remove_pedestrian(body - len(self.vehicles))
+            self.walkers.remove(body - len(self.vehicles))
             return
         name = self._vehicle_names[body]
         self._crashed.setdefault(name, dict(libsumo.vehicle.getSubscriptionResults(name)))
@@ -254,7 +231,7 @@ class SumoTraffic:
             (x_m, y_m), angle_deg = front_m[:2].tolist(), np.degrees(np.arctan2(*ahead_m))
             libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, angle_deg, keepRoute=_ON_OR_OFF_ROAD)
             self._has_pending_move = True
-        except _FAILURES as error:
+        except FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def step_sumo(self) -> None:
@@ -266,7 +243,7 @@ class SumoTraffic:
         try:
             libsumo.simulationStep()
             self._has_pending_move = False
-        except _FAILURES as error:
+        except FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
@@ -326,56 +303,11 @@ class SumoTraffic:
         distance_m = libsumo.vehicle.getDrivingDistance(name, edge, position_m)
         return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
 
-    def remove_pedestrian(self, pedestrian: int) -> None:
-        """Take a pedestrian (its index in ``pedestrians``) off the network; samples keep it at its last position."""
-        name = self._pedestrian_names[pedestrian]
-        self._off_net[name] = dict(libsumo.person.getSubscriptionResults(name))
-        libsumo.person.remove(name)
-
-    def reinsert_pedestrian(
-        self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None, passes: int
-    ) -> None:
-        """Let a removed pedestrian walk along edges, from the next step on.
-
-        Args:
-            pedestrian: Its index in ``pedestrians``.
-            edges: All edges of the walk.
-            position_m: SUMO's position on the first edge where the walk starts.
-            arrival_m: SUMO's position on the last edge where it ends; None: anywhere.
-            passes: Number of times that the last edge is walked up and down after that.
-
-        Raises:
-            SimulationError: SUMO failed.
-        """
-        before, kind = self._pedestrian_names[pedestrian], pedestrian_name(self.pedestrians[pedestrian])
-        del self._off_net[before]
-        name = f"{kind}.{int(before.partition('.')[2] or 0) + 1}"
-        try:
-            libsumo.person.add(name, edges[0], position_m, typeID=kind)
-            length_m = libsumo.lane.getLength(f"{edges[-1]}_0")  # of all lanes of the edge; maybe a few centimeters
-            arrival_m = min(_ANY_ARRIVAL_M if arrival_m is None else arrival_m, length_m)
-            libsumo.person.appendWalkingStage(name, list(edges), arrival_m)
-            for number in range(passes):
-                libsumo.person.appendWalkingStage(name, [edges[-1]], 0.0 if number % 2 else length_m)
-            libsumo.person.appendWaitingStage(name, _FOREVER_S)
-            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
-        except _FAILURES as error:
-            raise SimulationError(f"SUMO failed: {error}") from error
-        self._pedestrian_names[pedestrian] = name
-
     def take_phase(self, change: PhaseChange) -> None:
         """Let a traffic light take a phase; one outside the simulated part of the map has no effect."""
         if change.program in libsumo.trafficlight.getIDList():
             libsumo.trafficlight.setPhase(change.program, change.phase)
             libsumo.trafficlight.setPhaseDuration(change.program, change.ticks * self._step_s)
-
-    def limit_walking_speed(self, pedestrian: int, speed_mps: float) -> None:
-        """Limit the walking speed of a pedestrian."""
-        libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
-
-    def is_on_sidewalk(self, pedestrian: int) -> bool:
-        """Whether a pedestrian is on the sidewalk of a street, not in a junction or on a crosswalk."""
-        return not libsumo.person.getRoadID(self._pedestrian_names[pedestrian]).startswith(":")
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""
@@ -394,40 +326,27 @@ class SumoTraffic:
             libsumo.vehicle.setSpeedFactor(name, speed_factor)
             libsumo.vehicle.setTau(name, headway_s)
 
-    def ending_routes(self) -> list[tuple[int, str]]:
-        """Vehicles (indices in ``vehicles``) with routes that end soon, each with the last edge of its route."""
-        driving = [(row, name) for row, name in enumerate(self._vehicle_names) if name not in self._crashed]
-        return [(row, edge) for row, name in driving if (edge := vehicle_routes.ending_edge(name))]
+    def keep_on_routes(self, routes: Routes, step: int, outside: Container[int], *, detours: bool) -> None:
+        """Extend the routes that end soon, except those of vehicles driven from outside (indices in the specification).
 
-    def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
-        """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""
-        vehicle_routes.extend_route(self._vehicle_names[vehicle], edges, last_lane)
-
-    def vehicles_in_wrong_lanes(self) -> list[tuple[int, str]]:
-        """Vehicles (indices in ``vehicles``) that stand for long as their lanes do not lead along their routes.
-
-        Each comes with its lane.
+        With ``detours``, vehicles that wait in a wrong lane for long get a route that this lane leads to.
         """
-        return [
-            (row, libsumo.vehicle.getLaneID(name))
-            for row, name in enumerate(self._vehicle_names)
-            if name not in self._crashed and vehicle_routes.stands_in_wrong_lane(name)
-        ]
-
-    def replace_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
-        """Let a vehicle drive along edges, the first one its own; with a ``last_lane`` it stops at that lane's end."""
-        vehicle_routes.replace_route(self._vehicle_names[vehicle], edges, last_lane)
+        for vehicle, name in zip(self.vehicles, self._vehicle_names, strict=True):
+            if name in self._crashed or vehicle in outside:
+                continue
+            if edge := vehicle_routes.ending_edge(name):
+                vehicle_routes.extend_route(name, *routes.draw_extension(vehicle, edge, step))
+            if detours and vehicle_routes.stands_in_wrong_lane(name):
+                detour = routes.draw_detour(vehicle, libsumo.vehicle.getLaneID(name), step)
+                if len(detour.edges) > 1:
+                    vehicle_routes.replace_route(name, *detour)
 
     def close(self) -> None:
         """End the simulation; further calls have no effect."""
         if self._open:
             # Otherwise libsumo would move an actor of the same name in the next simulation.
             if self._has_pending_move or self.obstacles.placed:
-                with suppress(*_FAILURES):
+                with suppress(*FAILURES):
                     libsumo.simulationStep()
             libsumo.close()
             self._open = SumoTraffic._running = False
-
-
-def _point_array(points: Sequence[tuple[float, float, float]]) -> Float64Array:
-    return np.array(points, np.float64).reshape(-1, 3)

@@ -3,10 +3,12 @@
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from made_up_roads import made_up_lane, network_of
 
 from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.random import stream
@@ -23,15 +25,12 @@ def blocks() -> RoadNetwork:
     return load_network(MapSpec(name="Blocks"))
 
 
-def lane(name: str, *successors: str, length_m: float = 100.0, junction: str = "", allow: str = "") -> Lane:
-    line_m = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
-    edge, index = name.rsplit("_", 1)
-    classes = open_to(allow, "")
-    return Lane(name, edge, int(index), LaneKind.DRIVING, line_m, 3.5, 13.9, junction, successors, classes=classes)
+def lane(name: str, *successors: str, allow: str = "", **changes: Any) -> Lane:
+    return made_up_lane(name, *successors, classes=open_to(allow, ""), **changes)
 
 
 def network(*lanes: Lane) -> RoadNetwork:
-    return replace(blocks(), lanes={each.id: each for each in lanes})
+    return network_of(blocks(), *lanes)
 
 
 def usable_lanes(roads: RoadNetwork, distance_m: float, sumo_class: str = "passenger", s_m: float = 0.0) -> set[str]:
@@ -142,7 +141,7 @@ def test_no_route_enters_closed_edges_or_those_that_lead_only_there() -> None:
 
 def street(name: str, from_m: tuple[float, float], to_m: tuple[float, float], *successors: str) -> Lane:
     """A straight lane between two positions."""
-    return replace(lane(name, *successors), centerline_m=np.array([[*from_m, 0.0], [*to_m, 0.0]]))
+    return lane(name, *successors, line_m=[[*from_m, 0.0], [*to_m, 0.0]])
 
 
 def test_no_route_turns_back_onto_its_road_where_another_one_follows() -> None:

@@ -1,11 +1,11 @@
 """Random walks continue over adjacent sidewalks and crossings."""
 
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
-import numpy as np
 import pytest
+from made_up_roads import made_up_sidewalk as sidewalk
+from made_up_roads import network_of
 
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.build import load_network
@@ -20,13 +20,8 @@ def blocks() -> RoadNetwork:
     return load_network(MapSpec(name="Blocks"))
 
 
-def walkable(name: str, *successors: str, length_m: float = 100.0, kind: LaneKind = LaneKind.SIDEWALK) -> Lane:
-    line_m = np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]])
-    return Lane(name, name.rsplit("_", 1)[0], 0, kind, line_m, 2.0, 2.0, "", successors)
-
-
 def network(*lanes: Lane) -> RoadNetwork:
-    return replace(blocks(), lanes={each.id: each for each in lanes})
+    return network_of(blocks(), *lanes)
 
 
 def test_walks_continue_on_adjacent_edges_and_do_not_turn_back_on_a_sidewalk() -> None:
@@ -47,39 +42,39 @@ def test_walks_start_in_both_directions() -> None:
 
 
 def test_a_walk_ends_where_nothing_can_be_reached() -> None:
-    assert WalkGraph(network(walkable("A_0"))).draw_walk("A", 1000.0, stream(1, "test")) == ("A",)
+    assert WalkGraph(network(sidewalk("A_0"))).draw_walk("A", 1000.0, stream(1, "test")) == ("A",)
 
 
 def test_the_length_of_connected_sidewalks_is_their_sum() -> None:
     graph = WalkGraph(
         network(
-            walkable("A_0", ":c_0"),
-            walkable(":c_0", "B_0", kind=LaneKind.CROSSING),
-            walkable("B_0", length_m=60.0),
-            walkable("C_0", length_m=70.0),
-            replace(walkable("D_0"), classes=frozenset({"bicycle"})),
+            sidewalk("A_0", ":c_0"),
+            sidewalk(":c_0", "B_0", kind=LaneKind.CROSSING),
+            sidewalk("B_0", length_m=60.0),
+            sidewalk("C_0", length_m=70.0),
+            sidewalk("D_0", classes=frozenset({"bicycle"})),
         )
     )
     assert graph.component_length_m() == pytest.approx({"A": 160.0, "B": 160.0, "C": 70.0})
 
 
 def test_walks_do_not_use_lanes_of_vehicles_inside_junctions() -> None:
-    inside = replace(walkable(":J_0_0", "B_0"), junction="J")
-    around = replace(walkable(":J_w0_0", "B_0", kind=LaneKind.WALKING_AREA), junction="J")
-    apart = WalkGraph(network(walkable("A_0", ":J_0_0"), inside, walkable("B_0")))
+    inside = sidewalk(":J_0_0", "B_0", junction="J")
+    around = sidewalk(":J_w0_0", "B_0", kind=LaneKind.WALKING_AREA, junction="J")
+    apart = WalkGraph(network(sidewalk("A_0", ":J_0_0"), inside, sidewalk("B_0")))
     assert apart.component_length_m() == {"A": 100.0, "B": 100.0}
-    joined = WalkGraph(network(walkable("A_0", ":J_0_0", ":J_w0_0"), inside, around, walkable("B_0")))
+    joined = WalkGraph(network(sidewalk("A_0", ":J_0_0", ":J_w0_0"), inside, around, sidewalk("B_0")))
     assert joined.component_length_m() == {"A": 200.0, "B": 200.0}
 
 
 def test_walks_lead_into_dead_ends_only_where_nothing_else_can_be_reached() -> None:
     def junction(*edges: str) -> Lane:
-        return walkable(":j_0", *(f"{edge}_0" for edge in edges), length_m=5.0, kind=LaneKind.WALKING_AREA)
+        return sidewalk(":j_0", *(f"{edge}_0" for edge in edges), length_m=5.0, kind=LaneKind.WALKING_AREA)
 
-    ring = [walkable("B_0", ":k_0"), walkable("C_0", ":k_0"), walkable(":k_0", kind=LaneKind.WALKING_AREA)]
-    graph = WalkGraph(network(walkable("A_0"), junction("A", "B", "C"), *ring, walkable("D_0")))
+    ring = [sidewalk("B_0", ":k_0"), sidewalk("C_0", ":k_0"), sidewalk(":k_0", kind=LaneKind.WALKING_AREA)]
+    graph = WalkGraph(network(sidewalk("A_0"), junction("A", "B", "C"), *ring, sidewalk("D_0")))
     for seed in range(20):
         assert graph.draw_walk("A", 50.0, stream(seed, "test"))[1] == ":j"
         assert "A" not in graph.draw_walk("B", 1000.0, stream(seed, "test"))
-    graph = WalkGraph(network(walkable("A_0"), junction("A", "B"), walkable("B_0")))
+    graph = WalkGraph(network(sidewalk("A_0"), junction("A", "B"), sidewalk("B_0")))
     assert graph.draw_walk("A", 1000.0, stream(1, "test")) == ("A", ":j", "B")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from made_up_roads import clear_weather
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
 from simbev_ros.assets.materials import Material
@@ -11,23 +12,11 @@ from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
-from simbev_ros.schema.scene.weather import Weather
 
 TICK_NS = 50_000_000
 EGO_ID = 7
 
-_WEATHER = Weather(
-    cloudiness=0,
-    precipitation=0,
-    precipitation_deposits=0,
-    wetness=0,
-    wind_intensity=0,
-    sun_azimuth_deg=0,
-    sun_altitude_deg=45,
-    fog_density=0,
-    fog_distance_m=0,
-    fog_falloff=1,
-)
+_WEATHER = clear_weather(sun_altitude_deg=45.0)
 _FACES = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
 
 

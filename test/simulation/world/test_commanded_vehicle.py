@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from event_scenes import LEFT, RIGHT, event_scene
+from made_up_roads import clear_weather
 from world_scenes import blocks
 
 from simbev_ros.config.agents import Ego
@@ -18,24 +19,12 @@ from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.route_progress import RouteProgress
 from simbev_ros.schema.scene.state import Light
-from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.world.driving.commands import AckermannCommand, TrajectoryCommand
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.simulation import Simulation
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
-DRY = Weather(
-    cloudiness=0,
-    precipitation=0,
-    precipitation_deposits=0,
-    wetness=0,
-    wind_intensity=0,
-    sun_azimuth_deg=0,
-    sun_altitude_deg=40,
-    fog_density=0,
-    fog_distance_m=0,
-    fog_falloff=1,
-)
+
 SETTLING_TICKS = 4
 """Ticks by which published poses follow the model: three for the ground below the wheels, one for the derivatives."""
 
@@ -105,7 +94,7 @@ def test_it_needs_a_longer_way_to_stop_on_a_wet_or_snowy_road(network: RoadNetwo
 def test_snow_shares_the_road_with_dry_or_wet_asphalt_in_drives_alone(
     weather: dict[str, float], friction: float
 ) -> None:
-    now = DRY.model_copy(update=weather)
+    now = clear_weather(**weather)
     assert road_friction(now, with_snow=True) == pytest.approx(friction)
     assert road_friction(now, with_snow=False) == road_friction(
         now.model_copy(update={"snow_cover": 0}), with_snow=True

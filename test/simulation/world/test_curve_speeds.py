@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
-from world_scenes import lane
+from made_up_roads import made_up_lane
 
-from simbev_ros.maps.network import Lane
-from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 
 
@@ -11,7 +9,7 @@ def bend(radius_m, turn_rad, straight_m=50.0):
     angle, side = np.linspace(0.0, abs(turn_rad), 40), np.sign(turn_rad)
     arc_m = np.stack([straight_m + radius_m * np.sin(angle), side * radius_m * (1 - np.cos(angle)), 0 * angle], axis=-1)
     line_m = np.vstack([[0.0, 0.0, 0.0], arc_m])
-    return Lane("A_0", "A", 0, LaneKind.DRIVING, line_m, 3.5, 13.9, "", ())
+    return made_up_lane("A_0", line_m=line_m)
 
 
 def test_a_bend_is_driven_with_a_lateral_acceleration_of_two_meters_per_second_squared():
@@ -24,5 +22,5 @@ def test_a_very_tight_bend_is_driven_at_the_maximum_yaw_rate():
 
 
 def test_straight_lanes_and_wide_bends_keep_their_limit():
-    assert curve_speeds([lane("B_0")]) == {}
+    assert curve_speeds([made_up_lane("B_0")]) == {}
     assert curve_speeds([bend(120.0, np.pi / 4)]) == {}

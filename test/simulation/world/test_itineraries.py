@@ -2,21 +2,19 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from made_up_roads import made_up_sidewalk
 
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane
-from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import PedestrianSpec, WaypointSpec
 from simbev_ros.simulation.world.pedestrians.itineraries import Itineraries, ItineraryStreams
 
 
 def sidewalk(name: str, *successors: str) -> Lane:
-    line_m = np.array([[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]])
-    return Lane(f"{name}_0", name, 0, LaneKind.SIDEWALK, line_m, 2.0, 2.0, "", successors)
+    return made_up_sidewalk(f"{name}_0", *successors, length_m=50.0)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from world_scenes import blocks, lane, network
+from made_up_roads import made_up_lane, network_of
+from world_scenes import blocks
 
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.build import load_network
@@ -23,7 +24,7 @@ def ring(name: str, radius_m: float, height_m: float = 0.0, kind: LaneKind = Lan
     """A lane of three quarters of a circle, counter-clockwise."""
     angle = np.radians(np.arange(0.0, 271.0))
     line_m = radius_m * np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=-1) + [0, 0, height_m]
-    return Lane(name, name.rsplit("_", 1)[0], int(name[-1]), kind, line_m, 3.5, 13.9, "", ())
+    return made_up_lane(name, line_m=line_m, kind=kind)
 
 
 def fits(body: Blueprint, others: tuple[Lane, ...], sidewalks: tuple[Lane, ...] = ()) -> bool:
@@ -50,19 +51,20 @@ def test_a_bus_cuts_a_ring_as_far_as_its_wheelbase_demands():
 
 def test_a_bus_drives_straight_ahead_where_the_turn_is_too_tight():
     def inside(name: str, line_m: list[list[float]], successor: str) -> Lane:
-        return Lane(name, name[:-2], 0, LaneKind.DRIVING, np.array(line_m, float), 3.5, 13.9, "j", (successor,))
+        return made_up_lane(name, successor, line_m=line_m, junction="j")
 
     angle = np.linspace(0.0, np.pi / 2.0, 10)
     turn_m = np.stack([100.0 + 6.0 * np.sin(angle), 6.0 * np.cos(angle) - 6.0, 0.0 * angle], axis=-1)
     down_m = np.array([[106.0, -6.0, 0.0], [106.0, -300.0, 0.0]])
     oncoming_m = np.array([[109.5, -300.0, 0.0], [109.5, -6.0, 0.0]])
     onward_m = np.array([[112.0, 0.0, 0.0], [400.0, 0.0, 0.0]])
-    roads = network(
-        lane("A_0", (":s_0", ":t_0")),
+    roads = network_of(
+        blocks(),
+        made_up_lane("A_0", ":s_0", ":t_0"),
         inside(":s_0", [[100, 0, 0], [112, 0, 0]], "B_0"),
         inside(":t_0", turn_m.tolist(), "C_0"),
         *(
-            Lane(f"{name}_0", name, 0, LaneKind.DRIVING, line_m, 3.5, 13.9, "", ())
+            made_up_lane(f"{name}_0", line_m=line_m)
             for name, line_m in (("B", onward_m), ("C", down_m), ("D", oncoming_m))
         ),
     )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from world_scenes import lane
+from made_up_roads import made_up_lane
 
 from simbev_ros.maps.network import Lane
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
@@ -19,12 +19,12 @@ def bending_lane(index: int) -> Lane:
     arc_m = np.column_stack([STRAIGHT_M + radius_m * np.sin(angle), RADIUS_M - radius_m * np.cos(angle), 0 * angle])
     end_m = arc_m[-1] + np.array([0.0, 30.0, 0.0])
     line_m = np.vstack([[0.0, RADIUS_M - radius_m, 0.0], arc_m, end_m])
-    shape = replace(lane(f"A_{index}"), centerline_m=line_m)
+    shape = made_up_lane(f"A_{index}", line_m=line_m)
     return replace(shape, sumo_s_per_m=200.0 / shape.length_m)
 
 
 LANES = [bending_lane(index) for index in range(3)]
-TRACKS = LaneTracks([lane("B_0"), *LANES])
+TRACKS = LaneTracks([made_up_lane("B_0"), *LANES])
 
 
 def track_positions(index: int, sumo_positions_m: np.ndarray, left_m: float = 0.0) -> np.ndarray:
@@ -91,8 +91,8 @@ def test_unknown_lanes_are_an_error() -> None:
 def test_no_lane_stands_still_while_its_neighbor_turns_away() -> None:
     angle = np.linspace(0.0, np.pi, 40)
     turning_m = np.column_stack([5.0 * np.sin(angle), 7.0 - 5.0 * np.cos(angle), 0.0 * angle])
-    turning = replace(lane("A_1"), centerline_m=turning_m)
-    ahead = replace(lane("A_0"), centerline_m=np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]]))
+    turning = made_up_lane("A_1", line_m=turning_m)
+    ahead = made_up_lane("A_0", length_m=20.0)
     sumo_positions_m = np.linspace(0.0, 20.0, 41)
     positions_m = LaneTracks([ahead, turning]).positions_m(["A_0"] * 41, sumo_positions_m, np.zeros(41))
     np.testing.assert_allclose(np.diff(positions_m[:, 0]), 0.5, atol=0.16)

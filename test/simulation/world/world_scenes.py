@@ -3,60 +3,27 @@
 from functools import cache
 
 import numpy as np
+from made_up_roads import clear_weather
 from scene_edits import ego
 
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.schema.scene.state import WorldState
-from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.world.simulation import Simulation
 
 TICK_S = 0.05
 BLOCKS = MapSpec(name="Blocks", seed=0)
-NOON = Weather(
-    cloudiness=0,
-    precipitation=0,
-    precipitation_deposits=0,
-    wetness=0,
-    wind_intensity=0,
-    sun_azimuth_deg=0,
-    sun_altitude_deg=60,
-    fog_density=0,
-    fog_distance_m=0,
-    fog_falloff=1,
-)
+NOON = clear_weather()
 
 
 @cache
 def blocks() -> RoadNetwork:
     return load_network(BLOCKS)
-
-
-def lane(name: str, successors: tuple[str, ...] = (), kind: LaneKind = LaneKind.DRIVING) -> Lane:
-    """A straight lane of 100 m outside junctions."""
-    line_m = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]])
-    return Lane(name, name.rsplit("_", 1)[0], int(name[-1]), kind, line_m, 3.5, 13.9, "", successors)
-
-
-def network(*lanes: Lane) -> RoadNetwork:
-    """A road network with only these lanes."""
-    return RoadNetwork(
-        "toy",
-        {each.id: each for each in lanes},
-        {},
-        (),
-        blocks().datum,
-        blocks().net_path,
-        "",
-        blocks().layout,
-        blocks().features,
-        0,
-    )
 
 
 def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:

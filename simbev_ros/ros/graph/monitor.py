@@ -36,6 +36,8 @@ SUPERVISOR = "supervisor"
 """Name of this node."""
 _PATIENCE_S, _ADVICE_PERIOD_S = 10.0, 1.0
 """Time without progress after which advice is given, and time between two looks for reasons."""
+_SILENCE_S, _SILENCE_TIMEOUT_S = 0.05, 1.0
+"""Time without change after which nobody comes or goes any more, and the longest wait for it."""
 _TIMES = (BUSY, *(key for part in get_args(Part) for key in part_keys(part)))
 """Names of the times in a node's diagnostics."""
 
@@ -224,8 +226,19 @@ class GraphMonitor:
     def close(self) -> None:
         """Leave the ROS graph."""
         self._executor.shutdown()
+        self._await_silence()
         self._node.destroy_node()
         self._context.shutdown()
+
+    def _await_silence(self) -> None:
+        """Wait until the ends of nodes have been heard: the middleware may hang that ends in a callback of discovery.
+
+        See ``lifeline.ending_middleware``; this process may have more to do.
+        """
+        before, end_s = [""], time.monotonic() + _SILENCE_TIMEOUT_S
+        while (names := sorted(self._node.get_node_names())) != before and time.monotonic() < end_s:
+            before = names
+            time.sleep(_SILENCE_S)
 
     def _on_ready(self, message: Header) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Fixtures shared by tests: exports of datasets, and the Python of an environment with the nuscenes-devkit."""
+"""Fixtures shared by tests: exports of datasets, and Pythons of environments with the devkits of others."""
 
 import os
 import shutil
@@ -16,6 +16,7 @@ from processes import run
 from simbev_exporters.nuscenes import map_masks
 from simbev_exporters.nuscenes.map_expansion import expansion
 from simbev_exporters.nuscenes.sites import Site
+from simbev_ros.foundation.cache.entries import default_cache_dir
 from simbev_ros.maps.network import RoadNetwork
 from tools.bench.devkit_comparison import DEVKIT, devkit_environment
 
@@ -70,16 +71,26 @@ def nuscenes_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def devkit_python() -> Path:
-    """The Python of an environment with the devkit, installed once per user."""
-    folder = devkit_environment()
+    """The Python of an environment with the nuscenes-devkit, installed once per user."""
+    return python_with(devkit_environment(), DEVKIT)
+
+
+@pytest.fixture(scope="session")
+def t4_devkit_python() -> Path:
+    """The Python of an environment with t4-devkit, whose old release on PyPI needs NumPy 1, installed once per user."""
+    return python_with(default_cache_dir() / "t4-devkit-0.1.0", "t4-devkit==0.1.0", "pyarrow<20")
+
+
+def python_with(folder: Path, *packages: str) -> Path:
+    """The Python of an environment with packages."""
     python, ready = folder / "bin/python", folder / "ready"
     if not ready.exists():
         shutil.rmtree(folder, ignore_errors=True)
         try:
             subprocess.run([sys.executable, "-m", "venv", folder], check=True, capture_output=True)
-            subprocess.run([python, "-m", "pip", "install", "-q", DEVKIT], check=True, capture_output=True)
+            subprocess.run([python, "-m", "pip", "install", "-q", *packages], check=True, capture_output=True)
         except subprocess.CalledProcessError as error:
-            pytest.skip(f"{DEVKIT} cannot be installed: {error.stderr.decode()[-300:]}")
+            pytest.skip(f"{packages[0]} cannot be installed: {error.stderr.decode()[-300:]}")
         ready.touch()
     return python
 

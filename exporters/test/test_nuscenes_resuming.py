@@ -11,7 +11,7 @@ from made_up_scene import SENSORS, labeled_at, made_up_scene, made_up_spec, reco
 from nuscenes_tables import digest, export, tables_of
 from typer.testing import CliRunner
 
-from simbev_exporters.nuscenes import scene_part, sensor_files
+from simbev_exporters.nuscenes import scene_tables, sensor_files
 from simbev_ros.cli.main import app
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.recording.layout import locate_mcap
@@ -27,7 +27,7 @@ def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, mo
             raise KeyboardInterrupt
         return sensor_files.encode_file(*arguments)
 
-    monkeypatch.setattr(scene_part, "encode_file", fails_late)
+    monkeypatch.setattr(scene_tables, "encode_file", fails_late)
     with pytest.raises(KeyboardInterrupt):
         export(nuscenes_folder / "set", tmp_path)
     assert not list(tmp_path.glob("s*/*/Blocks-0001*")) and not (tmp_path / "v1.0-trainval").exists()

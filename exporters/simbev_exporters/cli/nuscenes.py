@@ -96,13 +96,17 @@ def export_nuscenes(
     from simbev_exporters.nuscenes.export import ExportSettings
 
     rate_hz = None if all_frames else keyframe_hz
-    named = _channel_names(channel or [])
+    named = channel_names(channel or [])
     settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, scene_names, version, all_boxes, named)
     _export(dataset, out, settings, agent, workers, ray)
 
 
-def _channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Channels by sensor, from the values of --channel."""
+def channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Channels by sensor, from the values of --channel.
+
+    Raises:
+        InputError: A value has another form.
+    """
     names = {}
     for option in options:
         sensor, _, channels = option.partition("=")

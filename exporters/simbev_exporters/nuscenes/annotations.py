@@ -1,12 +1,13 @@
 """Converts the boxes of a scene's keyframes to the rows of nuScenes' tables ``sample_annotation`` and ``instance``."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from simbev_exporters.nuscenes.channel_records import wxyz
-from simbev_exporters.nuscenes.taxonomy import Record, token
+from simbev_exporters.nuscenes.taxonomy import Record, scene_token, token
 from simbev_ros.dataset import Frame, Scene, columns
 from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.scene_taxonomy import SceneTaxonomy
@@ -15,25 +16,31 @@ from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.nuscenes import visibility_tokens
 
-_DECIMALS = 9
+DECIMALS = 9
 """Number of decimals of lengths in meters and of the components of quaternions."""
 
 
 class Annotations:
-    """The annotations of one scene, collected keyframe by keyframe."""
+    """The annotations of one scene, collected keyframe by keyframe.
 
-    def __init__(self, scene: Scene, scene_token: str, *, keep_unhit: bool = False) -> None:
-        self._scene_token, self._keep_unhit = scene_token, keep_unhit
+    Args:
+        scene: The scene.
+        keep_unhit: Whether boxes without lidar and radar points are annotated.
+    """
+
+    def __init__(self, scene: Scene, *, keep_unhit: bool = False) -> None:
+        self._scene_token, self._keep_unhit = scene_token(scene), keep_unhit
         self._taxonomy = SceneTaxonomy(scene)
         self._found: defaultdict[int, list[Record]] = defaultdict(list)
         self._category: dict[int, str] = {}
 
     def add(self, sample_token: str, frame: Frame) -> None:
         """Add the boxes of the next keyframe."""
-        boxes = annotated_boxes(frame, keep_unhit=self._keep_unhit)
-        ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame, boxes)
+        boxes, categories, attributes = self._named_boxes(frame)
+        ids, values = boxes["id"].tolist(), self._values(boxes)
         self._category.update(zip(ids, categories, strict=True))
-        for box_id, names, record in zip(ids, attributes, _records(boxes), strict=True):
+        records = (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
+        for box_id, names, record in zip(ids, attributes, records, strict=True):
             keys = {
                 "token": token("sample_annotation", sample_token, box_id),
                 "sample_token": sample_token,
@@ -50,7 +57,33 @@ class Annotations:
             make_continuous(chain, "rotation")
         return {
             "sample_annotation": [record for chain in chains.values() for record in chain],
-            "instance": [_instance(chain, self._category[box_id]) for box_id, chain in chains.items()],
+            "instance": [self._instance(chain, box_id) for box_id, chain in chains.items()],
+        }
+
+    def _named_boxes(self, frame: Frame) -> tuple[Table, list[str], list[list[str]]]:
+        """Boxes of a frame, and for each the name of its category and those of its attributes."""
+        boxes = annotated_boxes(frame, keep_unhit=self._keep_unhit)
+        return boxes, *self._taxonomy.of(frame, boxes)
+
+    def _values(self, boxes: Table) -> dict[str, list[Any]]:
+        """Columns that depend on the boxes alone. Lidar points are -1 if neither lidar nor radar data were received."""
+        unknown = (boxes["lidar_points"] < 0) & (boxes["radar_points"] < 0)
+        return {
+            "visibility_token": visibility_tokens(boxes["visibility"]),
+            "translation": columns(boxes, "x", "y", "z").round(DECIMALS).tolist(),
+            "size": columns(boxes, "width", "length", "height").astype(np.float64).round(DECIMALS).tolist(),
+            "rotation": wxyz(quaternion_from_rpy(columns(boxes, "roll", "pitch", "yaw"))).round(DECIMALS).tolist(),
+            "num_lidar_pts": np.where(unknown, -1, np.maximum(boxes["lidar_points"], 0)).tolist(),
+            "num_radar_pts": np.maximum(boxes["radar_points"], 0).tolist(),
+        }
+
+    def _instance(self, annotations: Sequence[Record], box_id: int) -> Record:
+        return {
+            "token": annotations[0]["instance_token"],
+            "category_token": token("category", self._category[box_id]),
+            "nbr_annotations": len(annotations),
+            "first_annotation_token": annotations[0]["token"],
+            "last_annotation_token": annotations[-1]["token"],
         }
 
 
@@ -65,27 +98,3 @@ def make_continuous(records: Sequence[Record], name: str) -> None:
     """Choose the signs of quaternions w x y z of records, which are in order of time, in place: without jumps."""
     for record, quaternion in zip(records, continuous([record[name] for record in records]).tolist(), strict=True):
         record[name] = quaternion
-
-
-def _records(boxes: Table) -> Iterator[Record]:
-    """Fields that depend on the box alone. Lidar points are -1 only if neither lidar nor radar data were received."""
-    unknown = (boxes["lidar_points"] < 0) & (boxes["radar_points"] < 0)
-    values = {
-        "visibility_token": visibility_tokens(boxes["visibility"]),
-        "translation": columns(boxes, "x", "y", "z").round(_DECIMALS).tolist(),
-        "size": columns(boxes, "width", "length", "height").astype(np.float64).round(_DECIMALS).tolist(),
-        "rotation": wxyz(quaternion_from_rpy(columns(boxes, "roll", "pitch", "yaw"))).round(_DECIMALS).tolist(),
-        "num_lidar_pts": np.where(unknown, -1, np.maximum(boxes["lidar_points"], 0)).tolist(),
-        "num_radar_pts": np.maximum(boxes["radar_points"], 0).tolist(),
-    }
-    return (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
-
-
-def _instance(annotations: Sequence[Record], category: str) -> Record:
-    return {
-        "token": annotations[0]["instance_token"],
-        "category_token": token("category", category),
-        "nbr_annotations": len(annotations),
-        "first_annotation_token": annotations[0]["token"],
-        "last_annotation_token": annotations[-1]["token"],
-    }

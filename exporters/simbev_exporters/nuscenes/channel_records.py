@@ -26,9 +26,14 @@ def sensor_record(channel: Channel) -> Record:
     return {"token": token("sensor", channel.name), "channel": channel.name, "modality": channel.modality}
 
 
-def calibration_record(channel: Channel, scene: str) -> Record:
-    """Row of the table ``calibrated_sensor`` for a scene's token, without lens distortion: images are rectified."""
-    pose = channel.ego_from_channel
+def calibration_record(channel: Channel, scene: str, pose: Float64Array) -> Record:
+    """Row of the table ``calibrated_sensor`` for a scene's token, without lens distortion: images are rectified.
+
+    Args:
+        channel: The channel.
+        scene: Token of the scene.
+        pose: (4, 4) pose of the channel's frame in that of the table ``ego_pose``.
+    """
     return {
         "token": token("calibrated_sensor", scene, channel.name),
         "sensor_token": token("sensor", channel.name),

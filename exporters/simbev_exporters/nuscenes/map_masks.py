@@ -10,13 +10,11 @@ import numpy as np
 import shapely
 
 from simbev_exporters.nuscenes.sites import PIXELS_PER_M, Site
+from simbev_exporters.recorded_roads import recorded_roads
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.types import UInt8Array
-from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.recording.reader import SceneBag
-from simbev_ros.simulation.replay.replay import build_recorded_roads
 
 _WHITE = 255
 _FRACTION_BITS = 4
@@ -41,9 +39,7 @@ def network_of(site: Site) -> RoadNetwork:
     Raises:
         InputError: The map's roads cannot be built.
     """
-    with SceneBag(Path(site.bag)) as bag:
-        chosen = build_recorded_roads(bag)
-    return load_network(chosen)
+    return recorded_roads(Path(site.bag))
 
 
 def draw_mask(network: RoadNetwork, site: Site) -> UInt8Array:

@@ -13,7 +13,7 @@ from simbev_ros.dataset.nuscenes.channels import Channel, Modality
 from simbev_ros.export.sensor_data import points_at_stamp, recorded_jpeg, rectify
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
-from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.foundation.types import Float32Array, Float64Array, Table
 from simbev_ros.recording.image_codecs import encode_rgb
 from simbev_ros.schema.points import radar_rcs_dbsm
 
@@ -66,18 +66,24 @@ def _image(frame: Frame, channel: Channel) -> bytes:
 
 
 def _lidar(frame: Frame, channel: Channel) -> bytes:
-    """Binary file of (N, 5) float32: x y z intensity ring. Points of a rolling scan are moved to the stamp.
+    """Binary file of ``lidar_rows`` in nuScenes' lidar frame."""
+    rows = lidar_rows(frame, channel)
+    rows[:, 0], rows[:, 1] = -rows[:, 1], rows[:, 0].copy()  # axes of SENSOR_FROM_LIDAR
+    return rows.tobytes()
+
+
+def lidar_rows(frame: Frame, channel: Channel) -> Float32Array:
+    """(N, 5) x y z intensity ring of a lidar's points, sensor frame. Those of a rolling scan are moved to the stamp.
 
     For a lidar without intensities, the cosine of the incidence angle replaces them, and rings are 0.
     """
     cloud: Table = frame[channel.key]
-    ahead_m, left_m, up_m = points_at_stamp(frame, channel.key, channel.calibration).T
     names = cloud.dtype.names or ()
     rows = np.zeros((len(cloud), 5), np.float32)
-    rows[:, 0], rows[:, 1], rows[:, 2] = -left_m, ahead_m, up_m  # axes of SENSOR_FROM_LIDAR
+    rows[:, :3] = points_at_stamp(frame, channel.key, channel.calibration)
     rows[:, 3] = cloud["intensity" if "intensity" in names else "cos_angle"] * _MAX_INTENSITY
     rows[:, 4] = cloud["ring"] if "ring" in names else 0
-    return rows.tobytes()
+    return rows
 
 
 def _radar(frame: Frame, channel: Channel) -> bytes:

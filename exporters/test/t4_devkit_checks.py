@@ -9,11 +9,11 @@ from nuscenes.utils.data_classes import LidarPointCloud
 from t4_devkit import Tier4
 
 
-def inside(box, points):
-    """Number of (3, N) points inside a box."""
+def inside(box, points, share):
+    """Number of (3, N) points inside a box that is larger or smaller by a share."""
     local = box.orientation.rotation_matrix.T @ (points - box.center[:, None])
     width, length, height = box.wlh
-    return int(np.all(np.abs(local) <= np.array([[length], [width], [height]]) / 2 * 1.002, axis=0).sum())
+    return int(np.all(np.abs(local) <= np.array([[length], [width], [height]]) / 2 * share, axis=0).sum())
 
 
 def projected(t4, sample, camera):
@@ -45,7 +45,9 @@ def main():
         lidar = sample.data["LIDAR_CONCAT"]
         path, boxes, _ = t4.get_sample_data(lidar)
         cloud = LidarPointCloud.from_file(path).points[:3]
-        counted += [[inside(box, cloud), t4.get("sample_annotation", box.token).num_lidar_pts] for box in boxes]
+        for box in boxes:
+            stated = t4.get("sample_annotation", box.token).num_lidar_pts
+            counted.append([inside(box, cloud, 0.998), stated, inside(box, cloud, 1.002)])
         cameras = {channel: token for channel, token in sample.data.items() if channel.startswith("CAM")}
         seen = {channel: projected(t4, sample, token) for channel, token in cameras.items()}
         views.append({"timestamp": sample.timestamp, "views": seen})

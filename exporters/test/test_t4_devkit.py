@@ -31,9 +31,9 @@ def found(t4_devkit_python: Path, recorded: Path, scene: Scene, tmp_path_factory
 
 
 def test_the_devkit_counts_the_same_points_in_boxes(found: Any) -> None:
-    counted = np.array(found["counted"])
-    assert counted[:, 1].sum() > 100
-    np.testing.assert_allclose(*counted.T, atol=2, err_msg="points on faces may count or not")
+    fewest, stated, most = np.array(found["counted"]).T
+    assert stated.sum() > 100
+    assert np.all((fewest <= stated) & (stated <= most)), "points on faces may count or not"
     assert {"car", "pedestrian"} <= {*found["categories"]} and found["boxes_2d"] > 10
 
 
@@ -47,6 +47,6 @@ def test_the_devkit_projects_boxes_around_the_silhouettes_of_objects(found: Any,
                 if name in boxes and view["truncation"] == 0 and view["visible_px"] > 0:
                     silhouette = np.array([view[f"amodal_{side}"] for side in ("left", "top", "right", "bottom")])
                     inner = (silhouette - boxes[name]) * [1, 1, -1, -1]
-                    assert inner.min() > -2.0, f"{name} in {channel}: it leaves its box"
+                    assert inner.min() > -0.5, f"{name} in {channel}: it leaves its box"
                     count += 1
     assert count > 20

@@ -21,7 +21,7 @@ _SATELLITES = {
     },
     EXPORTERS_GROUP: {
         name: (f"simbev export {name}", "simbev_exporters", "./exporters")
-        for name in ("coco", "kitti", "nuscenes", "opv2v", "yolo")
+        for name in ("autoware", "coco", "kitti", "nuscenes", "opv2v", "osi", "t4", "yolo")
     },
 }
 """Commands of the distributions in the repository of this one: their words, their distribution, what pip installs."""

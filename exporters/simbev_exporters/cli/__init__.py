@@ -1,1 +1,1 @@
-"""The commands ``simbev export coco``, ``kitti``, ``nuscenes``, ``opv2v`` and ``yolo``."""
+"""The commands ``simbev export autoware``, ``coco``, ``kitti``, ``nuscenes``, ``opv2v``, ``osi``, ``t4``, ``yolo``."""

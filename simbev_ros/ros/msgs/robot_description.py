@@ -52,12 +52,13 @@ def robot_description(view: AgentView) -> str:
         if frame.sensor is not None:
             _add_visual(link, *_BODIES.get(type(frame.sensor), _SMALL_BODY), _SENSOR_RGB)
     if vehicle is not None:
-        _add_car(links[ego_frame(view)], vehicle.blueprint, vehicle.color)
+        add_car(links[ego_frame(view)], vehicle.blueprint, vehicle.color)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=False) + "\n"
 
 
-def _add_car(link: Element, blueprint: str, paint: int) -> None:
+def add_car(link: Element, blueprint: str, paint: int) -> None:
+    """Add the shape of a vehicle with a paint, 0xRRGGBB, to the link of its ego frame."""
     model = load_models()[blueprint_index()[blueprint]]
     for box in silhouette_boxes(model, paint):
         _add_visual(link, "box", {"size": _text(box.size_m, 3)}, box.rgb, box.center_m)

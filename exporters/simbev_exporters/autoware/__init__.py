@@ -1,0 +1,1 @@
+"""Exporter of a rig and its vehicle to Autoware's description packages."""

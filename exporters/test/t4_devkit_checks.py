@@ -1,4 +1,4 @@
-"""Checks a T4 data set with t4-devkit. Run by its own Python, without this project: FOLDER FILE → JSON."""
+"""Checks a T4 dataset with t4-devkit. Run by its own Python, without this project: FOLDER FILE → JSON."""
 
 import json
 import sys

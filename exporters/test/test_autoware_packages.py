@@ -11,8 +11,10 @@ import yaml
 from made_up_scene import SENSORS, made_up_spec, record_made_up
 from scipy.spatial.transform import Rotation
 from several_agents import car, roadside_unit, with_agents
+from typer.testing import CliRunner
 
 from simbev_exporters.autoware.export import export_packages
+from simbev_ros.cli.main import app
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Rig
 from simbev_ros.foundation.errors import InputError
@@ -135,6 +137,13 @@ def test_a_bag_describes_any_of_its_vehicles(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=message):
             export_packages(source, tmp_path / "other", "c", agent)
     assert not (tmp_path / "other").exists()
+
+
+def test_the_command_names_the_packages(source: Path, tmp_path: Path) -> None:
+    words = ["export", "autoware", str(source / "my.yaml"), "--out", str(tmp_path)]
+    output = CliRunner().invoke(app, words, catch_exceptions=False).output
+    names = ("simbev_sensor_kit_description", "simbev_vehicle_description")
+    assert output == "".join(f"{tmp_path / name}\n" for name in names)
 
 
 def test_bad_input_is_explained(source: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Tests of OSI's ground truth: read back by OSI's own reader, it equals the tables of the bag."""
 
 from collections import Counter
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from made_up_scene import SENSORS, made_up_scene, made_up_spec, record_made_up
 from nuscenes_tables import digest
 from scipy.spatial.transform import Rotation
 from several_agents import roadside_unit, with_agents
+from typer.testing import CliRunner
 
 pytest.importorskip("osi3", reason="osi-python is the exporters' extra osi")
 
@@ -26,6 +28,7 @@ from simbev_exporters.osi.export import Exported, export_osi
 from simbev_exporters.osi.objects import ActorMessages, moving_names, osi_names
 from simbev_exporters.osi.surroundings import environment, traffic_lights
 from simbev_ros.assets.street import signal_poles
+from simbev_ros.cli.main import app
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -249,6 +252,30 @@ def test_lanes_are_those_of_the_map_and_in_the_first_message_alone(truths: list[
 
 def _following(lanes: Any, number: int) -> set[int]:
     return {pairing.successor_lane_id.value for pairing in lanes[number].lane_pairing}
+
+
+def test_vehicles_are_described_and_nothing_is_of_an_unknown_kind(truths: list[GroundTruth]) -> None:
+    """As the rules in OSI's files demand of ground truth."""
+    for truth in truths[:2]:
+        vehicles = [each for each in truth.moving_object if each.type == MovingObject.TYPE_VEHICLE]
+        assert all(each.HasField("vehicle_attributes") for each in vehicles)
+        assert list(_unknown(truth)) == []
+
+
+def _unknown(message: Any) -> Iterator[str]:
+    """Fields of a message with the value of an enumeration that means that it is unknown."""
+    for field, value in message.ListFields():
+        for each in value if field.is_repeated else [value]:
+            if field.message_type is not None:
+                yield from _unknown(each)
+            elif field.enum_type is not None and field.enum_type.values_by_number[each].name.endswith("_UNKNOWN"):
+                yield field.full_name
+
+
+def test_the_command_reports_what_it_made(folder: Path, tmp_path: Path) -> None:
+    words = ["export", "osi", str(folder / "set"), "--out", str(tmp_path / "out"), "--workers", "1"]
+    first, second = (CliRunner().invoke(app, words, catch_exceptions=False).output for _ in range(2))
+    assert f"{TICKS} messages of 1 scene in {tmp_path / 'out'}" in first and "1 scene was there already" in second
 
 
 def test_tables_know_all_kinds() -> None:

@@ -1,4 +1,4 @@
-"""Tests of T4 data sets: tables, clouds and images agree with the bag, and an interrupted export resumes."""
+"""Tests of T4 datasets: tables, clouds and images agree with the bag, and an interrupted export resumes."""
 
 import base64
 import json
@@ -13,10 +13,12 @@ from nuscenes_tables import digest
 from pycocotools import mask as run_lengths
 from scipy.spatial.transform import Rotation
 from several_agents import roadside_unit, with_agents
+from typer.testing import CliRunner
 
 from simbev_exporters.t4.annotations import name_tables, t4_names, visibility_levels
 from simbev_exporters.t4.export import Exported, T4Settings, export_t4
 from simbev_exporters.t4.scene_tables import T4Tables
+from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.foundation.errors import InputError
@@ -256,6 +258,15 @@ def test_a_roadside_unit_has_its_own_frame_and_no_vehicle_state(tmp_path: Path) 
     tables, frame = tables_of(tmp_path / "out/Blocks-0000"), dataset.scenes[0][0]
     np.testing.assert_allclose(matrix(tables["ego_pose"][0]), frame.map_from_ego, atol=1e-9)
     assert tables["vehicle_state"] == [] and tables["log"][0]["vehicle"] == "rsu"
+
+
+def test_the_command_reports_what_it_made(folder: Path, tmp_path: Path) -> None:
+    words = ["export", "t4", str(folder / "set"), "--out", str(tmp_path / "out"), "--workers", "1", "--all-frames"]
+    words += ["--channel", "cam_front=CAM_A"]
+    first, second = (CliRunner().invoke(app, words, catch_exceptions=False).output for _ in range(2))
+    assert f"{TICKS} samples of 1 scene, {3 * TICKS} files in {tmp_path / 'out'}" in first
+    assert "1 scene was there already" in second
+    assert (tmp_path / "out/Blocks-0000/data/CAM_A/00011.jpg").is_file()
 
 
 def test_bad_input_is_explained(tmp_path: Path) -> None:

@@ -30,8 +30,8 @@ def export_packages(source: str, out: Path, name: str, agent: str | None = None)
         The folders of the packages.
 
     Raises:
-        InputError: The configuration is invalid, the agent is missing or no vehicle, the name is no name of packages,
-            a package exists, or a file cannot be written.
+        InputError: The configuration is invalid, the agent is missing or not a vehicle, a package cannot have the
+            name, or exists, or a file cannot be written.
         BagError: The bag is damaged.
     """
     if not _NAME.fullmatch(name):

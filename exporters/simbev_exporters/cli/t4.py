@@ -1,4 +1,4 @@
-"""``simbev export t4``: writes a dataset as T4 data sets, for Autoware's perception."""
+"""``simbev export t4``: writes a dataset as T4 datasets, for Autoware's perception."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,7 +30,7 @@ def export_t4(
     workers: Workers = None,
     ray: Ray = None,
 ) -> None:
-    """Write each finished scene as a T4 data set, TIER IV's format for Autoware, which t4-devkit opens.
+    """Write each finished scene as a T4 dataset, TIER IV's format for Autoware, which t4-devkit opens.
 
     A scene's folder has annotation, data, map and status.json; splits.yaml lists the folders of each split. All poses
     are about Autoware's base_link at the rear axle, the clouds of all lidars are LIDAR_CONCAT, and positions are in the

@@ -135,6 +135,7 @@ def _describe_vehicle(message: MovingObject, row: np.void, names: Names, bluepri
     kinds, attributes = MovingObject.VehicleClassification, message.vehicle_attributes
     message.vehicle_classification.type = _value(kinds, "TYPE", names[1])
     message.vehicle_classification.role = _value(kinds, "ROLE", names[2])
+    attributes.SetInParent()  # vehicles must have some
     if rider is not None:
         attributes.driver_id.value = rider
     if blueprint in blueprint_index():

@@ -1,4 +1,4 @@
-"""Exports a dataset to T4, TIER IV's format: one data set in a folder of its own for each scene, in parallel.
+"""Exports a dataset to T4, TIER IV's format: one dataset in a folder of its own for each scene, in parallel.
 
 The entry point of ``simbev export t4``: an opened dataset enters; folders that t4-devkit can open leave.
 """
@@ -29,7 +29,7 @@ from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.object_store.object_path import require_local
 
 SPLITS_FILE = "splits.yaml"
-"""File that lists the data sets of each split."""
+"""File that lists the datasets of each split."""
 
 _FOLDERS = ("annotation", "data/*", "map", "")
 
@@ -54,7 +54,7 @@ _DEFAULTS = T4Settings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class T4Part(Part):
-    """The data set of a scene as one part of the export. Its record has the numbers of ``samples`` and ``files``.
+    """The dataset of a scene as one part of the export. Its record has the numbers of ``samples`` and ``files``.
 
     Attributes:
         scene: The scene.
@@ -142,7 +142,7 @@ def export_t4(
 
 
 def make_part(part: T4Part) -> None:
-    """Make the data set of one scene, in any process; each frame is a step of parallel work.
+    """Make the dataset of one scene, in any process; each frame is a step of parallel work.
 
     Raises:
         InputError: The scene cannot have samples at that rate, its roads cannot be built, or a file cannot be written.

@@ -33,7 +33,7 @@ _KMPH_PER_MPS = 3.6
 
 
 class T4Tables(SceneTables):
-    """The tables of a scene and its sensors' files, with paths relative to the scene's data set.
+    """The tables of a scene and its sensors' files, with paths relative to the scene's dataset.
 
     Args:
         scene: The scene.

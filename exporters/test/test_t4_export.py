@@ -15,17 +15,19 @@ from scipy.spatial.transform import Rotation
 from several_agents import roadside_unit, with_agents
 from typer.testing import CliRunner
 
+from simbev_exporters.nuscenes.lidarseg import frame_labels
 from simbev_exporters.t4.annotations import name_tables, t4_names, visibility_levels
 from simbev_exporters.t4.export import Exported, T4Settings, export_t4
 from simbev_exporters.t4.scene_tables import T4Tables
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
+from simbev_ros.dataset.nuscenes.channels import channels_of
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.boxes import BOX_DTYPE
-from simbev_ros.schema.nuscenes import nuscenes_names
+from simbev_ros.schema.nuscenes import nuscenes_names, point_labels
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, Light
 from simbev_ros.schema.views import VIEW_DTYPE
 
@@ -188,7 +190,7 @@ def test_a_fire_engine_is_a_fire_truck(folder: Path) -> None:
     boxes["blueprint"], boxes["class"] = [blueprints.index(name) for name in wanted], [1, 0, 1]
     boxes["lidar_points"], boxes["visibility"] = 1, [0.05, 0.1, 0.97]
     frame = _Frame({"boxes": boxes, "world/actors": np.zeros(0, ACTOR_DTYPE)}, scene)
-    annotations = T4Tables(scene, 10.0, {}, files.__setitem__, keep_unhit=True)._t4_annotations
+    annotations = T4Tables(scene, 10.0, {}, files.__setitem__, keep_unhit=True, lidarseg=False)._t4_annotations
     annotations.add("sample", frame)  # type: ignore[arg-type]
     names = {each["token"]: each["name"] for each in name_tables()["category"]}
     assert [names[annotations.keys_of(k)["category_token"]] for k in (2, 3, 4)] == ["fire_truck", "police_car", "truck"]
@@ -218,6 +220,26 @@ def test_2d_annotations_have_the_boxes_and_masks_of_what_is_visible(tmp_path: Pa
     decoded = run_lengths.decode({"size": row["mask"]["size"], "counts": base64.b64decode(row["mask"]["counts"])})
     np.testing.assert_array_equal(decoded.T.astype(bool), instance == 2)
     assert row["mask"]["size"] == [32, 24]
+
+
+def test_points_have_the_categories_of_nuscenes_labels(tmp_path: Path) -> None:
+    sensors = [{**each, "points": False, "semantic_points": True} for each in (SENSORS[2], SECOND_LIDAR)]
+    made_up_scene(tmp_path / "set/Blocks-0000", ticks=1, sensors=sensors)
+    export(tmp_path / "set/Blocks-0000", tmp_path / "out", lidarseg=True)
+    tables, frame = tables_of(tmp_path / "out/Blocks-0000"), open_dataset(tmp_path / "set/Blocks-0000").scenes[0][0]
+    (row,) = tables["lidarseg"]
+    labels = np.fromfile(tmp_path / "out/Blocks-0000" / row["filename"], np.uint8)
+    names = {each["index"]: each["name"] for each in tables["category"]}
+    assert sorted(names) == list(range(len(names)))
+    channels = [each for each in channels_of(frame.scene) if each.modality == "lidar"]
+    original = [list(point_labels())[label] for each in channels for label in frame_labels(frame, each)]
+    expected = [t4_names()["categories"].get(name, name) for name in original]
+    assert [names[label] for label in labels.tolist()] == expected and len(set(expected)) > 3
+    (data,) = tables["sample_data"]
+    assert row["sample_data_token"] == data["token"]
+    assert len(labels) == (tmp_path / "out/Blocks-0000" / data["filename"]).stat().st_size / 20
+    export(tmp_path / "set/Blocks-0000", tmp_path / "out")
+    assert not list((tmp_path / "out").glob("Blocks-0000/lidarseg/annotation/*"))
 
 
 def test_the_vehicle_reports_its_state(folder: Path, tables: Any) -> None:

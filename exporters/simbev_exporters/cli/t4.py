@@ -25,6 +25,13 @@ def export_t4(
     keyframe_hz: Annotated[float, typer.Option(help="Number of samples per second.", min=0.01, max=1000)] = 10.0,
     all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
     all_boxes: AllBoxes = False,
+    lidarseg: Annotated[
+        bool,
+        typer.Option(
+            "--lidarseg",
+            help="Write the categories of lidar points, where semantic clouds were recorded; not for t4-devkit 0.1.0.",
+        ),
+    ] = False,
     channel: Channels = None,
     agent: ExportedAgentOption = None,
     workers: Workers = None,
@@ -48,7 +55,8 @@ def export_t4(
     from simbev_exporters.t4.export import T4Settings
 
     names = channel_names(channel or [])
-    _export(dataset, out, T4Settings(None if all_frames else keyframe_hz, all_boxes, names), agent, workers, ray)
+    settings = T4Settings(None if all_frames else keyframe_hz, all_boxes, lidarseg, names)
+    _export(dataset, out, settings, agent, workers, ray)
 
 
 def _export(

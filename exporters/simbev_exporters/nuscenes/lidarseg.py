@@ -86,7 +86,7 @@ def why_without_labels(scene: Scene) -> str:
     channel = _top_lidar(scene)
     if channel is None:
         return "it has no lidar, without which the devkit cannot evaluate detections either"
-    key = _semantic_key(channel)
+    key = semantic_key(channel)
     return "" if key in scene.sources else f"{key} was not recorded"
 
 
@@ -104,7 +104,7 @@ def make_lidarseg_part(part: LidarsegPart) -> None:
         ticks = keyframe_by_tick(scene, channel, keyframes_of(scene, part.keyframe_hz))
         for tick in sorted(ticks):
             frame = scene[tick]
-            if _semantic_key(channel) in frame:
+            if semantic_key(channel) in frame:
                 token = sample_data_token(scene_token(scene), channel.name, tick)
                 file = f"{FOLDER}/{part.version}/{token}_lidarseg.bin"
                 part.write(file, frame_labels(frame, channel).tobytes())
@@ -114,10 +114,10 @@ def make_lidarseg_part(part: LidarsegPart) -> None:
 
 def frame_labels(frame: Frame, channel: Channel) -> UInt8Array:
     """(N,) labels of the points of a lidar's file at a frame, in their order."""
-    semantic_cloud = frame[_semantic_key(channel)]
+    semantic_cloud = frame[semantic_key(channel)]
     blueprints = frame.scene.constants["world/legend"]["blueprints"]
     labels = labels_of_surfaces(semantic_cloud, frame["world/actors"], blueprints, frame.scene.view.ego_id)
-    if channel.key == _semantic_key(channel):
+    if channel.key == semantic_key(channel):
         return labels
     lidar = channel.calibration.sensor
     assert isinstance(lidar, Lidar)
@@ -128,5 +128,6 @@ def _top_lidar(scene: Scene) -> Channel | None:
     return next((channel for channel in channels_of(scene) if channel.name == TOP_LIDAR), None)
 
 
-def _semantic_key(channel: Channel) -> str:
+def semantic_key(channel: Channel) -> str:
+    """Key of the semantic cloud of a lidar."""
     return f"{channel.calibration.sensor.name}/semantic_points"

@@ -13,8 +13,9 @@ from simbev_exporters.nuscenes.annotations import DECIMALS, Annotations
 from simbev_exporters.nuscenes.taxonomy import Record, token
 from simbev_ros.dataset import Frame, Scene, columns
 from simbev_ros.foundation.tables import load_table
-from simbev_ros.foundation.types import Table
+from simbev_ros.foundation.types import Table, UInt8Array
 from simbev_ros.schema.boxes import NO_BLUEPRINT
+from simbev_ros.schema.nuscenes import point_labels
 from simbev_ros.schema.scene.state import Light
 
 
@@ -65,13 +66,18 @@ class T4Annotations(Annotations):
         return {**super()._instance(annotations, box_id), "instance_name": f"{self._name}::{box_id}"}
 
 
-def name_tables() -> dict[str, list[Record]]:
-    """Rows of the tables ``category``, ``attribute`` and ``visibility``, by name of the table."""
+def name_tables(*, lidarseg: bool = False) -> dict[str, list[Record]]:
+    """Rows of the tables ``category``, ``attribute`` and ``visibility``, by name of the table.
+
+    Args:
+        lidarseg: Whether the categories are also those of points, with the ``index`` that labels have.
+    """
     names = t4_names()
-    categories = dict.fromkeys([*names["categories"].values(), *names["of_blueprint"].values()])
+    categories = point_categories() if lidarseg else _box_categories()
     attributes = dict.fromkeys([*names["attributes"].values(), *_lamp_names()])
+    rows = [{"token": token("category", name), "name": name, "description": ""} for name in categories]
     return {
-        "category": [{"token": token("category", name), "name": name, "description": ""} for name in categories],
+        "category": [{**row, "index": index} for index, row in enumerate(rows)] if lidarseg else rows,
         "attribute": [{"token": token("attribute", name), "name": name, "description": ""} for name in attributes],
         "visibility": [
             {"token": token("visibility", each["level"]), "level": each["level"], "description": each["means"]}
@@ -86,6 +92,27 @@ def visibility_levels(boxes: Table) -> list[str]:
     edges = [each["from"] for each in levels[1:]]
     indices = np.searchsorted(edges, np.nan_to_num(boxes["visibility"]), side="right")
     return [levels[index]["level"] for index in indices.tolist()]
+
+
+def point_categories() -> list[str]:
+    """Names of the categories of lidar points in the order of their labels; surfaces have nuScenes' names."""
+    return [*dict.fromkeys([*_category_of_label(), *_box_categories()])]
+
+
+def t4_labels(labels: UInt8Array) -> UInt8Array:
+    """(N,) labels of points from those of nuScenes-lidarseg; a fire engine's points are those of a truck."""
+    index = {name: label for label, name in enumerate(point_categories())}
+    return np.array([index[name] for name in _category_of_label()], np.uint8)[labels]
+
+
+def _category_of_label() -> list[str]:
+    """T4's category of each label of nuScenes-lidarseg."""
+    return [t4_names()["categories"].get(name, name) for name in point_labels()]
+
+
+def _box_categories() -> list[str]:
+    names = t4_names()
+    return [*dict.fromkeys([*names["categories"].values(), *names["of_blueprint"].values()])]
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,7 @@ The entry point of ``simbev export t4``: an opened dataset enters; folders that 
 import json
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from glob import escape
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from simbev_ros.foundation.object_store.object_path import require_local
 SPLITS_FILE = "splits.yaml"
 """File that lists the datasets of each split."""
 
-_FOLDERS = ("annotation", "data/*", "map", "")
+_FOLDERS = ("annotation", "data/*", "lidarseg/annotation", "map", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,13 @@ class T4Settings:
     Attributes:
         keyframe_hz: Number of samples, which have annotations, per second; None: every frame is one.
         keep_unhit: Whether boxes without lidar and radar points are annotated.
+        lidarseg: Whether to write the categories of lidar points, for scenes with semantic clouds of all lidars.
         channels: Channels of cameras and radars that are not to have the names of ``channels_of``.
     """
 
     keyframe_hz: float | None = 10.0
     keep_unhit: bool = False
+    lidarseg: bool = False
     channels: ChannelNames = field(default_factory=dict)
 
 
@@ -153,7 +155,8 @@ def make_part(part: T4Part) -> None:
     def write(path: str, content: bytes) -> None:
         part.write(f"{scene.name}/{path}", content)
 
-    job = T4Tables(scene, settings.keyframe_hz, settings.channels, write, keep_unhit=settings.keep_unhit)
+    wanted = {"keep_unhit": settings.keep_unhit, "lidarseg": settings.lidarseg}
+    job = T4Tables(scene, settings.keyframe_hz, settings.channels, write, **wanted)
     part.begin()
     for tick in swept_ticks(scene).tolist():
         job.add(scene[tick])
@@ -172,7 +175,7 @@ def make_part(part: T4Part) -> None:
 
 def _part(scene: Scene, out: Path, settings: T4Settings, *, has_map: bool) -> T4Part:
     channels = {sensor: list(names) for sensor, names in sorted(settings.channels.items())}
-    chosen = {"keyframe_hz": settings.keyframe_hz, "keep_unhit": settings.keep_unhit, "channels": channels}
+    chosen = {**asdict(settings), "channels": channels}
     return T4Part(
         out=out,
         name=f"{scene.name}.t4",

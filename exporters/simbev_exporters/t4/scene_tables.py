@@ -13,10 +13,11 @@ import numpy as np
 from pycocotools import mask as run_lengths
 
 from simbev_exporters.nuscenes.channel_records import calibration_record, sensor_record
+from simbev_exporters.nuscenes.lidarseg import frame_labels, semantic_key
 from simbev_exporters.nuscenes.scene_tables import SceneTables, captured_at, stamp_us
 from simbev_exporters.nuscenes.sensor_files import encode_file, lidar_rows
 from simbev_exporters.nuscenes.taxonomy import Record, sample_data_token, token
-from simbev_exporters.t4.annotations import T4Annotations, name_tables
+from simbev_exporters.t4.annotations import T4Annotations, name_tables, t4_labels
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.nuscenes.channels import TOP_LIDAR, Channel, ChannelNames, Modality, channels_of
@@ -39,8 +40,9 @@ class T4Tables(SceneTables):
         scene: The scene.
         keyframe_hz: Number of samples per second; None: every frame is one.
         names: Channels of sensors with other names than by default, ``channels_of``.
-        keep_unhit: Whether boxes without lidar and radar points are annotated.
         write: Receives the path of each file and its content.
+        keep_unhit: Whether boxes without lidar and radar points are annotated.
+        lidarseg: Whether to write the categories of lidar points, if semantic clouds of all lidars were recorded.
 
     Raises:
         InputError: The rate does not divide that of the frames.
@@ -57,6 +59,7 @@ class T4Tables(SceneTables):
         write: Callable[[str, bytes], None],
         *,
         keep_unhit: bool,
+        lidarseg: bool,
     ) -> None:
         channels = channels_of(scene, names)
         self._lidars = [channel for channel in channels if channel.modality == "lidar"]
@@ -67,6 +70,8 @@ class T4Tables(SceneTables):
         super().__init__(scene, ticks, exported, self._t4_annotations, write, sweeps=False)
         self._number = {tick: number for number, tick in enumerate(ticks.tolist())}
         self._ego_from_base = ego_from_base_link(scene)
+        self._labels: list[Record] = []
+        self._has_labels = lidarseg and all(semantic_key(each) in scene.sources for each in self._lidars)
         self._views: list[Record] = []
         self._states: list[Record] = []
 
@@ -75,6 +80,8 @@ class T4Tables(SceneTables):
         super().add(frame)
         if frame.tick in self._number:
             self._views += self._object_annotations(frame)
+            if self._has_labels:
+                self._labels += self._point_labels(frame)
             if self._scene.view.vehicle is not None:
                 self._states.append(self._vehicle_state(frame))
 
@@ -84,11 +91,12 @@ class T4Tables(SceneTables):
         rows["sample_data"] = [{**row, "is_valid": True} for row in rows["sample_data"]]
         return {
             **rows,
-            **name_tables(),
+            **name_tables(lidarseg=bool(self._labels)),
             "sensor": [sensor_record(channel) for channel in self._channels],
             "map": [{"token": token("map", self._token), "log_tokens": logs, "category": "", "filename": ""}],
             "vehicle_state": self._states,
             **({"object_ann": self._views} if self._views else {}),
+            **({"lidarseg": self._labels} if self._labels else {}),
         }
 
     def _file(self, channel: Channel, frame: Frame, keyframe: int | None) -> str:
@@ -151,6 +159,15 @@ class T4Tables(SceneTables):
             "indicators": {name: "on" if is_on else "off" for name, is_on in lit.items()},
             "additional_info": {"speed": speed_mps * _KMPH_PER_MPS},
         }
+
+    def _point_labels(self, frame: Frame) -> Iterator[Record]:
+        """Row of the table ``lidarseg`` of a frame with a whole cloud, of which the labels are written."""
+        seen = [lidar for lidar in self._lidars if lidar.key in frame]
+        if seen and all(semantic_key(lidar) in frame for lidar in seen):
+            data = sample_data_token(self._token, CONCAT_LIDAR, frame.tick)
+            file = f"lidarseg/annotation/{data}.bin"
+            self._write_file(file, t4_labels(np.concatenate([frame_labels(frame, each) for each in seen])).tobytes())
+            yield {"token": data, "sample_data_token": data, "filename": file}
 
     def _object_annotations(self, frame: Frame) -> Iterator[Record]:
         """Rows of the table ``object_ann`` of a frame: annotated objects with a visible pixel in an image."""

@@ -23,6 +23,8 @@ from osi3.osi_object_pb2 import MovingObject, StationaryObject
 from osi3.osi_trafficlight_pb2 import TrafficLight
 from osi3trace.osi_trace import OSITrace
 
+from simbev_exporters.cli import osi as osi_command
+from simbev_exporters.osi import export as osi_export
 from simbev_exporters.osi import objects
 from simbev_exporters.osi.export import Exported, export_osi
 from simbev_exporters.osi.objects import ActorMessages, moving_names, osi_names
@@ -31,6 +33,7 @@ from simbev_ros.assets.street import signal_poles
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import Extra
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Paint
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
@@ -282,6 +285,20 @@ def test_tables_know_all_kinds() -> None:
     assert {*osi_names()["lines"]} == {paint.value for paint in Paint}
     assert {*osi_names()["lanes"]} == {kind.value for kind in LaneKind} - {"crossing", "walking_area"}
     assert objects.osi_names() is osi_names()
+
+
+def test_without_the_simulator_there_are_no_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/Blocks-0000", ticks=1)
+    monkeypatch.setattr(osi_export, "load_extras", lambda: {"sim": Extra("sim", "the simulator", ("no_such_module",))})
+    assert not export(tmp_path / "set/Blocks-0000", tmp_path / "out").has_lanes
+    (truth,) = read(tmp_path / "out")
+    assert not truth.lane and not truth.proj_string and truth.moving_object
+
+
+def test_without_osi_python_the_command_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(osi_command, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"needs osi-python; .* -m pip install '\./exporters\[osi\]'"):
+        osi_command.export_osi(tmp_path, tmp_path / "out")
 
 
 def test_only_new_scenes_are_made(tmp_path: Path) -> None:

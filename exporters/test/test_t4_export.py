@@ -16,6 +16,7 @@ from several_agents import roadside_unit, with_agents
 from typer.testing import CliRunner
 
 from simbev_exporters.nuscenes.lidarseg import frame_labels
+from simbev_exporters.t4 import export as t4_export
 from simbev_exporters.t4.annotations import name_tables, t4_names, visibility_levels
 from simbev_exporters.t4.export import Exported, T4Settings, export_t4
 from simbev_exporters.t4.scene_tables import T4Tables
@@ -24,6 +25,7 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.channels import channels_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import Extra
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.boxes import BOX_DTYPE
@@ -260,6 +262,13 @@ def test_the_map_is_autowares(folder: Path) -> None:
     assert "lanelet" in text and (folder / "out/Blocks-0000/map/map_projector_info.yaml").is_file()
     status = json.loads((folder / "out/Blocks-0000/status.json").read_text())
     assert status["scene"] == {"name": "Blocks-0000", "split": "val", "seed": 0, "map": "Blocks"}
+
+
+def test_without_the_simulator_there_is_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/Blocks-0000", ticks=2)
+    monkeypatch.setattr(t4_export, "load_extras", lambda: {"sim": Extra("sim", "the simulator", ("no_such_module",))})
+    assert not export(tmp_path / "set/Blocks-0000", tmp_path / "out").has_maps
+    assert not (tmp_path / "out/Blocks-0000/map").exists()
 
 
 def test_only_new_scenes_are_made_and_other_settings_replace_all(tmp_path: Path) -> None:

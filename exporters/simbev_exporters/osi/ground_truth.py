@@ -4,21 +4,24 @@ A scene enters; messages in order of time leave. The first one alone has the lan
 """
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_version_pb2 import DESCRIPTOR, current_interface_version
 
-from simbev_exporters.osi.lanes import MapMessages
 from simbev_exporters.osi.objects import ActorMessages
 from simbev_exporters.osi.surroundings import environment, traffic_lights, traffic_signs
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.units import NS_PER_S
 
+if TYPE_CHECKING:
+    from simbev_exporters.osi.lanes import MapMessages
+
 _REQUIRED = "world/actors"
 
 
-def ground_truths(scene: Scene, roads: MapMessages | None) -> Iterator[GroundTruth]:
+def ground_truths(scene: Scene, roads: "MapMessages | None") -> Iterator[GroundTruth]:
     """The ground truth of each tick with actors.
 
     Args:

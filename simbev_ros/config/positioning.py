@@ -47,6 +47,11 @@ class Gnss(Sensor):
         None,
         description="velocity on the topics `vel` and `fix_velocity`, `{}` for the defaults; none: neither",
     )
+    extended_fix: bool = Field(
+        False,
+        description="whether fixes are also sent as gps_msgs/GPSFix, on the topic extended_fix, with speed, track and "
+        "climb if there is a velocity",
+    )
 
 
 def _on_each_axis(value: Any) -> Any:

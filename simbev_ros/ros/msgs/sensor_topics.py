@@ -18,6 +18,7 @@ from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.recording.video import VIDEO_TYPE
+from simbev_ros.ros.msgs.gps_fix import GPS_FIX
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.messages.table_messages import RADAR_SCAN
 from simbev_ros.schema.scene.agents import AgentView
@@ -62,11 +63,13 @@ class GnssTopics(NamedTuple):
         fix: Its fixes.
         velocity: Its velocity, named as nmea_navsat_driver does; None: it is switched off.
         fix_velocity: The same with its covariance, named as ublox_gps does; None: it is switched off.
+        extended_fix: Fixes with velocities, named as gpsd_client does; None: it is switched off.
     """
 
     fix: Topic
-    velocity: Topic | None
-    fix_velocity: Topic | None
+    velocity: Topic | None = None
+    fix_velocity: Topic | None = None
+    extended_fix: Topic | None = None
 
 
 class ImuTopics(NamedTuple):
@@ -133,12 +136,14 @@ def radar_scan_topic(view: AgentView, radar: Radar) -> Topic:
 def gnss_topics(view: AgentView, gnss: Gnss) -> GnssTopics:
     """Topics of a GNSS receiver."""
     fix = _topic(view, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+    extended_fix = _topic(view, gnss, "extended_fix", GPS_FIX) if gnss.extended_fix else None
     if gnss.velocity is None:
-        return GnssTopics(fix, None, None)
+        return GnssTopics(fix, extended_fix=extended_fix)
     return GnssTopics(
         fix,
         _topic(view, gnss, "vel", "geometry_msgs/msg/TwistStamped"),
         _topic(view, gnss, "fix_velocity", "geometry_msgs/msg/TwistWithCovarianceStamped"),
+        extended_fix,
     )
 
 

@@ -20,6 +20,7 @@ from simbev_ros.foundation.installation.interface_files import (
 )
 from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
 from simbev_ros.schema.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
+from simbev_ros.schema.messages.message_types import type_hash
 from simbev_ros.schema.scene.state import EGO_ID, Behavior, Light, SignalState
 
 ROOT = Path(__file__).parents[3]
@@ -37,6 +38,8 @@ PUBLISHED_HASHES = {
     "vision_msgs/msg/VisionInfo": "95d3116a17484ad91c9a2686e1d54890bbfc3ff6c6a2de137738c4950d45d284",
 }
 """Hashes in the code that ROS 2's generators made of the package vision_msgs, as found in public workspaces."""
+GPS_FIX_HASH = "f4e11a63872a198f70300a3990f50b096ed822f2db2bb626f6cdcee5f0f92942"
+"""Likewise of gps_msgs/msg/GPSFix, which contains gps_msgs/msg/GPSStatus."""
 SIMULATION_HASHES = {
     "msg/Bounds": "e8624fe51f0f5548197542697d924c5699ac7198f1e4c68e50c3ca2af73f5b3f",
     "msg/Result": "cf43a306adff3337a0a47143d8f5689933bc70a30478f13b077dc1fe3bc5ad17",
@@ -133,6 +136,10 @@ def test_type_hashes_of_vision_msgs_are_those_of_the_real_package() -> None:
     assert {name: store.hash_rihs01(name) for name in PUBLISHED_HASHES} == {
         name: f"RIHS01_{digest}" for name, digest in PUBLISHED_HASHES.items()
     }
+
+
+def test_the_type_hash_of_a_gps_fix_is_that_of_the_real_package() -> None:
+    assert type_hash("gps_msgs/msg/GPSFix") == f"RIHS01_{GPS_FIX_HASH}"
 
 
 def test_type_hashes_of_autoware_are_those_of_the_real_packages() -> None:

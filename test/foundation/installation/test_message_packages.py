@@ -187,8 +187,8 @@ def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(installer, "_version", lambda name: None)
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
     assert installer.describe_remedy() == (
-        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-ackermann-msgs "
-        "ros-jazzy-foxglove-msgs; "
+        "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-gps-msgs "
+        "ros-jazzy-ackermann-msgs ros-jazzy-foxglove-msgs; "
         "build the package in interfaces/ with colcon, and source it"
     )
 

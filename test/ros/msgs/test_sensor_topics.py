@@ -18,7 +18,7 @@ RIG = [
     {"type": "gnss", "name": "gnss", "rate_hz": 1},
     {"type": "imu", "name": "imu", "rate_hz": 100},
     {"type": "odometry", "name": "wheel", "rate_hz": 10},
-    {"type": "gnss", "name": "moving", "rate_hz": 4, "velocity": {}},
+    {"type": "gnss", "name": "moving", "rate_hz": 4, "velocity": {}, "extended_fix": True},
 ]
 SENSED = {
     "cam/camera_info": ("CameraInfo", 2, 1),
@@ -39,12 +39,14 @@ SENSED = {
     "moving/fix": ("NavSatFix", 5, 1),
     "moving/vel": ("TwistStamped", 5, 1),
     "moving/fix_velocity": ("TwistWithCovarianceStamped", 5, 1),
+    "moving/extended_fix": ("GPSFix", 5, 1),
 }
 """Topics below /ego: type, ticks between messages, messages per tick."""
 PACKAGES = {
     "Odometry": "nav_msgs",
     "TwistStamped": "geometry_msgs",
     "TwistWithCovarianceStamped": "geometry_msgs",
+    "GPSFix": "gps_msgs",
 }
 LABELS = {
     "bev/labels": 1, "bev/color": 1, "boxes": 1, "boxes/markers": 1, "hd_map": 1, "cam/boxes": 2, "occupancy/points": 10

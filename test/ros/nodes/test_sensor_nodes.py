@@ -40,7 +40,8 @@ def context() -> Iterator[None]:
 
 def spec_with(kind: str) -> SceneSpec:
     """A scene with two agents that have one sensor of a kind each."""
-    sensors = [{"type": kind, "name": "some"}]
+    options = {"velocity": {}, "extended_fix": True} if kind == "gnss" else {}
+    sensors = [{"type": kind, "name": "some", **options}]
     return with_agents(made_up_spec(sensors), car("car", 1, sensors))
 
 

@@ -56,6 +56,7 @@ MESSAGE_PACKAGES = (
     MessagePackage("tf2_msgs", "0.36.14", "BSD-3-Clause", "/tf and /tf_static live"),
     MessagePackage("vision_msgs", "4.1.1", "Apache-2.0", "detections and label_info live"),
     MessagePackage("radar_msgs", "0.2.2", "Apache-2.0", "scans of radars live"),
+    MessagePackage("gps_msgs", "2.1.0", "BSD-3-Clause", "extended fixes of GNSS live"),
     MessagePackage("ackermann_msgs", "2.0.2", "BSD-3-Clause", "commands of drivers with ackermann"),
     MessagePackage("foxglove_msgs", "3.1.0", "MIT", "video of cameras"),
     MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, own services and RunScene"),

@@ -6,7 +6,15 @@ from typing import Any, NamedTuple
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.world import MAP_FRAME
-from simbev_ros.simulation.world.driving.commands import AckermannCommand, TrajectoryCommand, VehicleCommand
+from simbev_ros.schema.messages.message_rows import message_constants
+from simbev_ros.simulation.world.driving.commands import (
+    AckermannCommand,
+    DriverCommand,
+    IndicatorsCommand,
+    TrajectoryCommand,
+)
+
+_BITS = message_constants("IndicatorsCommand")
 
 
 class CommandKind(NamedTuple):
@@ -17,7 +25,7 @@ class CommandKind(NamedTuple):
 
     name: str
     type: str
-    read: Callable[[Any], VehicleCommand]
+    read: Callable[[Any], DriverCommand]
 
 
 def _read_ackermann(message: Any) -> AckermannCommand:
@@ -47,6 +55,12 @@ def _read_path(message: Any) -> TrajectoryCommand:
     return TrajectoryCommand.of(times_ns, [(each.x, each.y) for each in places])
 
 
+def _read_indicators(message: Any) -> IndicatorsCommand:
+    """The command of an IndicatorsCommand; bits that have no meaning are not used."""
+    left, right = (bool(message.indicators & _BITS[f"INDICATOR_{side}"]) for side in ("LEFT", "RIGHT"))
+    return IndicatorsCommand(left, right)
+
+
 def _require_map(frame: str) -> None:
     if frame != MAP_FRAME:
         raise ValueError(f"header.frame_id must be {MAP_FRAME!r}, not {frame!r}; the vehicle keeps its last valid one")
@@ -57,4 +71,7 @@ COMMAND_KINDS: Mapping[str, CommandKind] = {
     "trajectory": CommandKind("trajectory", "trajectory_msgs/msg/MultiDOFJointTrajectory", _read_trajectory),
     "path": CommandKind("planned_path", "nav_msgs/msg/Path", _read_path),
 }
-"""Kinds of commands by drivers."""
+"""Kinds of commands by drivers, of which a vehicle follows one."""
+
+INDICATORS = CommandKind("indicators_cmd", "simbev_interfaces/msg/IndicatorsCommand", _read_indicators)
+"""Commands that drivers of all these kinds may send, too."""

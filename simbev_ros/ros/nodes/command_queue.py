@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterator
 
-from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.commands import DriverCommand
 
 
 class CommandQueue:
@@ -17,9 +17,9 @@ class CommandQueue:
     def __init__(self, window_ticks: int, max_age_ticks: int = 10) -> None:
         self._window_ticks, self._max_age_ticks = window_ticks, max_age_ticks
         self._newest_tick = -1
-        self._waiting = deque[tuple[int, VehicleCommand]]()
+        self._waiting = deque[tuple[int, DriverCommand]]()
 
-    def add(self, tick: int, command: VehicleCommand, next_tick: int) -> None:
+    def add(self, tick: int, command: DriverCommand, next_tick: int) -> None:
         """Add a command; those of the lead-in are ignored.
 
         Raises:
@@ -34,7 +34,7 @@ class CommandQueue:
         self._newest_tick = tick
         self._waiting.append((tick, command))
 
-    def take(self, tick: int) -> Iterator[VehicleCommand]:
+    def take(self, tick: int) -> Iterator[DriverCommand]:
         """Yield and remove the commands that act at a tick, in order."""
         while self._waiting and (not self._window_ticks or self._waiting[0][0] + self._window_ticks <= tick):
             yield self._waiting.popleft()[1]

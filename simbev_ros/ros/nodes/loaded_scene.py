@@ -32,6 +32,7 @@ class LoadedScene:
         displays: Publishes displays that have subscribers.
         progress: Progress of the first agent along its route; None: it has none.
         queues: Commands to the vehicles of agents, by the agents' names.
+        indicators: Commands to their indicators, likewise.
         network: The roads of its map.
         state: Its latest state; None before the first one.
         signs: Signs of the agents' rotations.
@@ -45,6 +46,7 @@ class LoadedScene:
     displays: WorldDisplays
     progress: ProgressTables | None
     queues: dict[str, CommandQueue]
+    indicators: dict[str, CommandQueue]
     network: RoadNetwork
     state: WorldState | None = None
     signs: QuaternionSigns = field(default_factory=QuaternionSigns)

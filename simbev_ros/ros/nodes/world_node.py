@@ -5,7 +5,7 @@ clock says so (live).
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,14 +27,14 @@ from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.conventions.simulation_interfaces import RUN_STATUS
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.drive import goal_message, route_message
-from simbev_ros.ros.msgs.message_types import message_class, require_installed
+from simbev_ros.ros.msgs.message_types import is_installed, message_class, require_installed
 from simbev_ros.ros.msgs.qos import STATE_READER, STEERING, rclpy_qos
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.signing import content_of, signed_json
 from simbev_ros.ros.msgs.stamps import stamp_of, time_message
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.transforms import TransformBroadcaster
-from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS, CommandKind
+from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS, INDICATORS, CommandKind
 from simbev_ros.ros.msgs.world import (
     MAP_FRAME,
     actors_message,
@@ -134,7 +134,7 @@ class WorldNode(GraphNode):
         ending = SceneEndDetector(request.spec, source.available)
         progress = None if request.spec.drive is None else ProgressTables(request.spec.drive.route)
         network = self._networks.get(request.spec.map, lambda: load_network(request.spec.map))
-        self._scene = LoadedScene(request, views, source, ending, displays, progress, self._queues(views), network)
+        self._scene = LoadedScene(request, views, source, ending, displays, progress, *self._queues(views), network)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             self._scene.state = source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -178,24 +178,30 @@ class WorldNode(GraphNode):
     def _follow_commands(self, view: AgentView) -> None:
         """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
         if (kind := COMMAND_KINDS.get(view.spec.driver)) is not None:
-            topic = topics.agent_topic(view.agent, kind.name)
             require_installed(kind.type, f"driver: {view.spec.driver}")
-            if topic not in self._commands:
-                receive = partial(self._on_stamped_command, view.agent, topic, kind)
-                qos = rclpy_qos(STATE_READER)
-                self._commands[topic] = self.create_subscription(message_class(kind.type), topic, receive, qos)
+            self._listen(view.agent, kind, self._on_stamped_command)
+            if is_installed(INDICATORS.type):
+                self._listen(view.agent, INDICATORS, self._on_indicators)
             return
         command = topics.agent_topic(view.agent, "cmd_vel")
         if view.spec.driver == "twist" and command not in self._commands:
             drive = partial(self._on_command, view.agent)
             self._commands[command] = self.create_subscription(Twist, command, drive, 10)
 
-    def _queues(self, views: Sequence[AgentView]) -> dict[str, CommandQueue]:
-        """Empty queues for the commands of drivers, by agent."""
+    def _listen(self, agent: str, kind: CommandKind, receive: Callable[[str, str, CommandKind, Any], None]) -> None:
+        """Subscribe to a kind of stamped commands for an agent, once."""
+        topic = topics.agent_topic(agent, kind.name)
+        if topic not in self._commands:
+            take, qos = partial(receive, agent, topic, kind), rclpy_qos(STATE_READER)
+            self._commands[topic] = self.create_subscription(message_class(kind.type), topic, take, qos)
+
+    def _queues(self, views: Sequence[AgentView]) -> tuple[dict[str, CommandQueue], dict[str, CommandQueue]]:
+        """Empty queues for the commands of drivers to vehicles and to indicators, by agent."""
         window_ticks = 0 if self.live else self._lockstep.window_ticks
         max_age_ticks = round(COMMAND_TIMEOUT_S * NS_PER_S / views[0].scene.tick_ns)
-        driven = (view.agent for view in views if view.spec.driver in COMMAND_KINDS)
-        return {agent: CommandQueue(window_ticks, max_age_ticks) for agent in driven}
+        driven = [view.agent for view in views if view.spec.driver in COMMAND_KINDS]
+        vehicles, indicators = ({each: CommandQueue(window_ticks, max_age_ticks) for each in driven} for _ in range(2))
+        return vehicles, indicators
 
     def _on_stop(self, message: String) -> None:
         stop = self.read(topics.STOP, content_of, SceneStop, message.data, self.signer)
@@ -231,6 +237,13 @@ class WorldNode(GraphNode):
         if report is not None:
             self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
+
+    def _on_indicators(self, agent: str, topic: str, kind: CommandKind, message: Any) -> None:
+        """Queue a command to indicators, which is not a report: senders make sure that it arrives before theirs."""
+        scene, stamp_ns = self._scene, stamp_of(message.header.stamp)
+        if scene is not None and agent in scene.indicators and scene_number_of(stamp_ns) == scene.spec.number:
+            queue, tick = scene.indicators[agent], scene.spec.tick_of(stamp_ns)
+            self.read(topic, queue.add, tick, kind.read(message), self._next_tick)
 
     def _is_driving(self, node: str) -> bool:
         """Whether a node sends stamped commands to a vehicle, and has loaded the scene."""
@@ -268,7 +281,7 @@ class WorldNode(GraphNode):
     def _tick(self, scene: LoadedScene) -> None:
         with self.meter.busy():
             with self.meter.part("simulate"):
-                for agent, queue in scene.queues.items():
+                for agent, queue in (*scene.indicators.items(), *scene.queues.items()):
                     for command in queue.take(self._next_tick):
                         scene.source.follow_command(scene.vehicles[agent] or 0, command)
                 scene.state = state = scene.source.step()

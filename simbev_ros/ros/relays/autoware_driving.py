@@ -9,15 +9,19 @@ from autoware_vehicle_msgs.msg import (
     Engage,
     GearCommand,
     GearReport,
+    HazardLightsCommand,
     HazardLightsReport,
     SteeringReport,
+    TurnIndicatorsCommand,
     TurnIndicatorsReport,
     VelocityReport,
 )
 from autoware_vehicle_msgs.srv import ControlModeCommand
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
+from simbev_interfaces.msg import IndicatorsCommand
 
 from simbev_ros.config.agents import driver_participant
 from simbev_ros.foundation.units import NS_PER_S
@@ -26,6 +30,7 @@ from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.tables import rows_from_message
 from simbev_ros.ros.relays.autoware_vehicle import (
     Indicators,
+    WantedIndicators,
     drive_command,
     engaged_gear,
     gear_report,
@@ -41,6 +46,7 @@ from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 _RELIABLE = QoSProfile(depth=5)
 _QUEUE = 100
 _SILENCE_NS = NS_PER_S // 2
+_ARRIVAL = Duration(seconds=1)
 _MODES = (ControlModeReport.AUTONOMOUS, ControlModeReport.MANUAL)
 
 
@@ -64,7 +70,7 @@ class AutowareDriving:
         self._steering_rad = self._speed_mps = 0.0
         self._unanswered = deque[Odometry]()
         self._lockstep: Lockstep | None = None
-        self._indicators = Indicators()
+        self._indicators, self._wanted = Indicators(), WantedIndicators()
         publish = node.create_publisher
         self._velocity = publish(VelocityReport, "/vehicle/status/velocity_status", _RELIABLE)
         self._steering = publish(SteeringReport, "/vehicle/status/steering_status", _RELIABLE)
@@ -73,9 +79,13 @@ class AutowareDriving:
         self._turns = publish(TurnIndicatorsReport, "/vehicle/status/turn_indicators_status", _RELIABLE)
         self._hazards = publish(HazardLightsReport, "/vehicle/status/hazard_lights_status", _RELIABLE)
         self._commands = publish(AckermannDriveStamped, "/ego/ackermann_cmd", _QUEUE)
+        self._lamps = publish(IndicatorsCommand, "/ego/indicators_cmd", _QUEUE)
         node.listen(PointCloud2, "/ego/vehicle_status", self._on_status, qos_profile_sensor_data)
         node.listen(Control, "/control/command/control_cmd", self._on_control, _RELIABLE)
         node.listen(GearCommand, "/control/command/gear_cmd", self._on_gear, _RELIABLE)
+        turn, warn = (lambda message: self._wanted.turn(message)), (lambda message: self._wanted.warn(message))
+        node.listen(TurnIndicatorsCommand, "/control/command/turn_indicators_cmd", turn, _RELIABLE)
+        node.listen(HazardLightsCommand, "/control/command/hazard_lights_cmd", warn, _RELIABLE)
         node.listen(Engage, "/vehicle/engage", self._on_engage, _RELIABLE)
         node.create_service(ControlModeCommand, "/control/control_mode_request", self._on_mode_request)
 
@@ -86,12 +96,13 @@ class AutowareDriving:
             scene: The scene.
             odometry: The only topic of the relay that the scene has to wait for.
         """
-        self._control, self._steering_rad, self._indicators = None, 0.0, Indicators()
+        self._control, self._steering_rad = None, 0.0
+        self._indicators, self._wanted = Indicators(), WantedIndicators()
         self._unanswered.clear()
         if scene.agents[0].driver == "ackermann" and self._lockstep is None:
             self._lockstep = Lockstep(self._node, driver_participant(scene.agents[0].rig.agent))
             self._lockstep.optional |= {each.topic_name for each in self._node.subscriptions} - {odometry}
-            self._lockstep.outputs.append(self._commands)
+            self._lockstep.outputs += [self._commands, self._lamps]
 
     def on_odometry(self, odometry: Odometry) -> None:
         """Report the motion, and drive on."""
@@ -116,8 +127,15 @@ class AutowareDriving:
             else:
                 command.drive = stop_command(self._steering_rad)
             self._steering_rad = command.drive.steering_angle
+            self._indicate(odometry)
             self._commands.publish(command)
             self._lockstep.finished(odometry.header.stamp)
+
+    def _indicate(self, odometry: Odometry) -> None:
+        """Send the indicators if they change, before the command without which the world does not start their tick."""
+        if self._mode == ControlModeReport.AUTONOMOUS and (bits := self._wanted.take_change()) is not None:
+            self._lamps.publish(IndicatorsCommand(header=odometry.header, indicators=bits))
+            self._lamps.wait_for_all_acked(_ARRIVAL)
 
     def _is_awaited(self, stamp_ns: int) -> bool:
         if not self._waits or self._control is None or self._mode != ControlModeReport.AUTONOMOUS:

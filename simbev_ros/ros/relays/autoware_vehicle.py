@@ -6,8 +6,10 @@ from autoware_vehicle_msgs.msg import (
     ControlModeReport,
     GearCommand,
     GearReport,
+    HazardLightsCommand,
     HazardLightsReport,
     SteeringReport,
+    TurnIndicatorsCommand,
     TurnIndicatorsReport,
     VelocityReport,
 )
@@ -26,6 +28,15 @@ _STANDING_MPS = 0.1
 _DARK_NS = NS_PER_S // 2
 """Indicators blink at 1.5 Hz: one that has been dark for longer is off."""
 _STATUS = message_constants("VehicleStatus")
+_TURNS = {
+    TurnIndicatorsCommand.DISABLE: 0,
+    TurnIndicatorsCommand.ENABLE_LEFT: _STATUS["INDICATOR_LEFT"],
+    TurnIndicatorsCommand.ENABLE_RIGHT: _STATUS["INDICATOR_RIGHT"],
+}
+_HAZARDS = {
+    HazardLightsCommand.DISABLE: 0,
+    HazardLightsCommand.ENABLE: _STATUS["INDICATOR_LEFT"] | _STATUS["INDICATOR_RIGHT"],
+}
 _FORWARD = frozenset((*range(GearCommand.DRIVE, GearCommand.DRIVE_18 + 1), GearCommand.LOW, GearCommand.LOW_2))
 _BACKWARD = frozenset((GearCommand.REVERSE, GearCommand.REVERSE_2))
 
@@ -93,6 +104,29 @@ def gear_report(status: Table, stamp: Time, engaged: int | None) -> GearReport:
 def mode_report(stamp: Time, mode: int) -> ControlModeReport:
     """The control mode, which says who drives."""
     return ControlModeReport(stamp=stamp, mode=mode)
+
+
+class WantedIndicators:
+    """Indicators that Autoware's commands ask for; hazard lights go before turns, NO_COMMAND changes nothing."""
+
+    def __init__(self) -> None:
+        self._turn: int | None = None
+        self._hazard: int | None = None
+        self._taken: int | None = None
+
+    def turn(self, command: TurnIndicatorsCommand) -> None:
+        """Remember the side of a turn."""
+        self._turn = _TURNS.get(command.command, self._turn)
+
+    def warn(self, command: HazardLightsCommand) -> None:
+        """Remember whether hazard lights are on."""
+        self._hazard = _HAZARDS.get(command.command, self._hazard)
+
+    def take_change(self) -> int | None:
+        """INDICATOR_ bits if others are wanted than at the last call; None if not, or before the first command."""
+        before, wanted = self._taken, self._hazard or self._turn
+        self._taken = self._hazard if wanted is None else wanted
+        return None if self._taken == before else self._taken
 
 
 class Indicators:

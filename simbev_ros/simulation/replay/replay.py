@@ -42,7 +42,7 @@ from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Eve
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.schema.stored import read_stored
 from simbev_ros.simulation.replay.replayed_agents import replayed_agents
-from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.commands import DriverCommand
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
 _EVENTS, _WEATHER = "/world/events", "/world/weather"
@@ -96,7 +96,7 @@ class Replay:
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """Do nothing: all vehicles move as they were recorded."""
 
-    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+    def follow_command(self, vehicle: int, command: DriverCommand) -> None:
         """Do nothing, as ``drive_vehicle``."""
 
     def hold_signal(self, head: int, state: SignalState | None) -> int:

@@ -29,7 +29,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, SignalState, WorldState
 from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.demand import demand_of
-from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.commands import DriverCommand
 from simbev_ros.simulation.world.driving.making_way import MakingWay
 from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
@@ -162,7 +162,7 @@ class Simulation:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
         self._outside_drivers.set_command(vehicle, speed_mps, yaw_rate_radps)
 
-    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+    def follow_command(self, vehicle: int, command: DriverCommand) -> None:
         """As in ``StateSource``."""
         self._outside_drivers.follow_command(vehicle, command)
 

@@ -5,7 +5,7 @@ from typing import Protocol
 from simbev_ros.foundation.types import Table
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.state import SignalState, WorldState
-from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.commands import DriverCommand
 from simbev_ros.simulation.world.entities import Entities
 
 
@@ -35,7 +35,7 @@ class StateSource(Protocol):
             yaw_rate_radps: Desired yaw rate, counterclockwise positive.
         """
 
-    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+    def follow_command(self, vehicle: int, command: DriverCommand) -> None:
         """Let a vehicle follow a command from the next tick on; ignored unless its driver sends stamped commands."""
 
     def hold_signal(self, head: int, state: SignalState | None) -> int:

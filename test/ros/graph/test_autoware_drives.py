@@ -25,7 +25,17 @@ pytest.importorskip("autoware_control_msgs", reason="Autoware's messages are not
 pytest.importorskip("autoware_perception_msgs")
 from autoware_control_msgs.msg import Control
 from autoware_perception_msgs.msg import PredictedObjects, TrackedObjects, TrafficLightGroupArray
-from autoware_vehicle_msgs.msg import ControlModeReport, GearCommand, GearReport, SteeringReport, VelocityReport
+from autoware_vehicle_msgs.msg import (
+    ControlModeReport,
+    GearCommand,
+    GearReport,
+    HazardLightsCommand,
+    HazardLightsReport,
+    SteeringReport,
+    TurnIndicatorsCommand,
+    TurnIndicatorsReport,
+    VelocityReport,
+)
 from autoware_vehicle_msgs.srv import ControlModeCommand
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
@@ -33,11 +43,18 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 MORE = "ego: {driver: ackermann}\ngraph: {window_ticks: 3}\n"
 ACCELERATION_MPS2, STEERING_RAD, TICKS = 1.5, 0.02, 80
+START_NS, TICK_NS = 3601 * 10**9, 50_000_000
+LEFT_TICK, HAZARD_TICK = 20, 50
+"""Ticks at which Autoware switches its left indicator on, and its hazard lights."""
+STRETCHES = ((0, LEFT_TICK), (LEFT_TICK + 18, HAZARD_TICK), (HAZARD_TICK + 18, TICKS))
+"""Ticks in which the vehicle shows nothing, the left indicator, and hazard lights."""
 OUTPUTS = {
     "/vehicle/status/velocity_status": VelocityReport,
     "/vehicle/status/steering_status": SteeringReport,
     "/vehicle/status/gear_status": GearReport,
     "/vehicle/status/control_mode": ControlModeReport,
+    "/vehicle/status/turn_indicators_status": TurnIndicatorsReport,
+    "/vehicle/status/hazard_lights_status": HazardLightsReport,
     "/perception/object_recognition/objects": PredictedObjects,
     "/perception/object_recognition/tracking/objects": TrackedObjects,
     "/perception/traffic_light_recognition/traffic_signals": TrafficLightGroupArray,
@@ -73,11 +90,17 @@ def test_commands_of_autoware_move_the_ego_and_reports_agree_with_its_odometry(s
     received: dict[str, list[Any]] = {topic: [] for topic in OUTPUTS}
     motions: list[Odometry] = []
     with outside_node("autoware") as (node, spin_until), relay("lockstep:=true", f"lanelet2_map:={map_file}"):
+        turns = node.create_publisher(TurnIndicatorsCommand, "/control/command/turn_indicators_cmd", 10)
+        hazards = node.create_publisher(HazardLightsCommand, "/control/command/hazard_lights_cmd", 10)
         controls = node.create_publisher(Control, "/control/command/control_cmd", 10)
         gears = node.create_publisher(GearCommand, "/control/command/gear_cmd", 10)
 
         def command(odometry: Odometry) -> None:
             motions.append(odometry)
+            stamp = odometry.header.stamp
+            tick = (stamp_of(stamp) - START_NS) // TICK_NS
+            turns.publish(TurnIndicatorsCommand(stamp=stamp, command=2 if tick >= LEFT_TICK else 1))
+            hazards.publish(HazardLightsCommand(stamp=stamp, command=2 if tick >= HAZARD_TICK else 1))
             message = Control(stamp=odometry.header.stamp)
             message.lateral.steering_tire_angle = STEERING_RAD
             message.longitudinal.acceleration, message.longitudinal.is_defined_acceleration = ACCELERATION_MPS2, True
@@ -108,6 +131,8 @@ def check_motion(recorded: Path, motions: list[Odometry]) -> None:
         status = [point_array(bag.decode(each))[0] for each in bag.messages(["/ego/vehicle_status"])]
     assert status[-1]["speed"] - status[-41]["speed"] == pytest.approx(ACCELERATION_MPS2 * 40 * 0.05, rel=0.02)
     assert status[-1]["steering"] == pytest.approx(STEERING_RAD, abs=1e-3)
+    shown = [{int(row["indicators"]) for row in status[first:last]} for first, last in STRETCHES]
+    assert shown == [{0}, {0, 1}, {0, 3}]
     assert motions[-1].twist.twist.linear.x == pytest.approx(float(status[-1]["speed"]), abs=0.05)
 
 
@@ -122,6 +147,9 @@ def check_reports(received: dict[str, list[Any]], motions: list[Odometry]) -> No
         assert report.heading_rate == pytest.approx(twist.angular.z, abs=1e-4)
     assert received["/vehicle/status/gear_status"][-1].report == GearReport.DRIVE_2
     assert received["/vehicle/status/control_mode"][-1].mode == ControlModeReport.AUTONOMOUS
+    turns = {each.report for each in received["/vehicle/status/turn_indicators_status"]}
+    assert turns == {TurnIndicatorsReport.DISABLE, TurnIndicatorsReport.ENABLE_LEFT}
+    assert received["/vehicle/status/hazard_lights_status"][-1].report == HazardLightsReport.ENABLE
     assert received["/vehicle/status/steering_status"][-1].steering_tire_angle == pytest.approx(STEERING_RAD, abs=1e-3)
     predicted = received["/perception/object_recognition/objects"][-1]
     tracked = received["/perception/object_recognition/tracking/objects"][-1]

@@ -9,8 +9,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.msgs.stamps import header
-from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS
-from simbev_ros.simulation.world.driving.commands import AckermannCommand
+from simbev_ros.ros.msgs.vehicle_commands import COMMAND_KINDS, INDICATORS
+from simbev_ros.simulation.world.driving.commands import AckermannCommand, IndicatorsCommand
 
 BEGIN_NS = 7 * NS_PER_S
 
@@ -30,6 +30,12 @@ def test_an_ackermann_command_has_the_limits_of_the_message() -> None:
     )
     found = COMMAND_KINDS["ackermann"].read(SimpleNamespace(drive=drive))
     assert found == AckermannCommand(0.1, -2.0, acceleration_mps2=1.5, steer_rate_radps=0.3)
+
+
+def test_an_indicators_command_has_the_sides_of_its_bits() -> None:
+    found = [INDICATORS.read(SimpleNamespace(indicators=bits)) for bits in (0, 1, 2, 3, 252)]
+    sides = [(False, False), (True, False), (False, True), (True, True), (False, False)]
+    assert found == [IndicatorsCommand(*each) for each in sides]
 
 
 def test_a_path_and_a_trajectory_of_the_same_poses_are_the_same_plan() -> None:

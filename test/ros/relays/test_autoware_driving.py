@@ -19,7 +19,14 @@ pytest.importorskip("autoware_control_msgs", reason="Autoware's messages are not
 pytest.importorskip("autoware_perception_msgs")
 from autoware_control_msgs.msg import Control
 from autoware_perception_msgs.msg import ObjectClassification, TrafficLightElement
-from autoware_vehicle_msgs.msg import Engage, GearCommand, HazardLightsReport, TurnIndicatorsReport
+from autoware_vehicle_msgs.msg import (
+    Engage,
+    GearCommand,
+    HazardLightsCommand,
+    HazardLightsReport,
+    TurnIndicatorsCommand,
+    TurnIndicatorsReport,
+)
 from autoware_vehicle_msgs.srv import ControlModeCommand
 
 from simbev_ros.ros.relays.autoware_driving import AutowareDriving
@@ -195,9 +202,12 @@ class FakeRelay:
     def __init__(self) -> None:
         self.sent: dict[str, list[Any]] = {}
         self.callbacks: dict[str, Any] = {}
+        self.order: list[str] = []
 
     def create_publisher(self, kind: Any, topic: str, qos: Any) -> Any:
-        return SimpleNamespace(publish=self.sent.setdefault(topic, []).append)
+        sent = self.sent.setdefault(topic, [])
+        acked = lambda timeout: self.order.append(topic)  # noqa: E731
+        return SimpleNamespace(publish=sent.append, wait_for_all_acked=acked)
 
     def listen(self, kind: Any, topic: str, callback: Any, qos: Any) -> None:
         self.callbacks[topic] = callback
@@ -259,6 +269,42 @@ def test_the_ego_brakes_in_manual_mode() -> None:
     assert answers == [False, True]
     assert relay.commands == [(0.0, 0.0), (0.05, 6.0)]
     assert [report.mode for report in relay.sent["/vehicle/status/control_mode"]] == [4, 1]
+
+
+def indicate(relay: FakeRelay, turn: int, hazard: int) -> None:
+    relay.callbacks["/control/command/turn_indicators_cmd"](TurnIndicatorsCommand(command=turn))
+    relay.callbacks["/control/command/hazard_lights_cmd"](HazardLightsCommand(command=hazard))
+
+
+def test_indicators_are_sent_when_other_ones_are_wanted_and_before_the_command_of_the_tick() -> None:
+    relay, part = driving()
+    relay.callbacks["/control/command/control_cmd"](stamped(0.0))
+    lamps = relay.sent["/ego/indicators_cmd"]
+    found = []
+    for step, wanted in enumerate([(0, 0), (1, 1), (2, 0), (2, 1), (2, 2), (0, 0), (3, 1), (1, 1)]):
+        indicate(relay, *wanted)
+        before = len(lamps)
+        part.on_odometry(moving(0.05 * step))
+        found.append(lamps[-1].indicators if len(lamps) > before else None)
+    assert found == [None, 0, 1, None, 3, None, 2, 0]
+    assert [each.header.stamp for each in lamps] == [moving(0.05 * step).header.stamp for step in (1, 2, 4, 6, 7)]
+    assert relay.order == ["/ego/indicators_cmd"] * len(lamps)
+
+
+def test_indicators_are_left_alone_in_manual_mode_and_sent_again_in_each_scene() -> None:
+    relay, part = driving()
+    indicate(relay, TurnIndicatorsCommand.ENABLE_LEFT, HazardLightsCommand.DISABLE)
+    relay.callbacks["/vehicle/engage"](Engage(engage=False))
+    part.on_odometry(moving(0.0))
+    assert relay.sent["/ego/indicators_cmd"] == []
+    relay.callbacks["/vehicle/engage"](Engage(engage=True))
+    part.on_odometry(moving(0.05))
+    scene: Any = SimpleNamespace(agents=[SimpleNamespace(driver="ackermann")])
+    part.start_scene(scene, "/ego/odom")
+    part.on_odometry(moving(0.0))
+    indicate(relay, TurnIndicatorsCommand.ENABLE_LEFT, HazardLightsCommand.NO_COMMAND)
+    part.on_odometry(moving(0.05))
+    assert [each.indicators for each in relay.sent["/ego/indicators_cmd"]] == [1, 1]
 
 
 def test_in_lockstep_a_tick_waits_for_a_command_that_is_not_older() -> None:

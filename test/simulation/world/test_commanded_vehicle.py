@@ -19,7 +19,7 @@ from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.route_progress import RouteProgress
 from simbev_ros.schema.scene.state import Light
-from simbev_ros.simulation.world.driving.commands import AckermannCommand, TrajectoryCommand
+from simbev_ros.simulation.world.driving.commands import AckermannCommand, IndicatorsCommand, TrajectoryCommand
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -27,6 +27,8 @@ PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
 
 SETTLING_TICKS = 4
 """Ticks by which published poses follow the model: three for the ground below the wheels, one for the derivatives."""
+LAMP_TICKS = 14
+"""Ticks after which published lamps are those of a command at the latest; they come with SUMO's smoothed traffic."""
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +87,19 @@ def test_it_needs_a_longer_way_to_stop_on_a_wet_or_snowy_road(network: RoadNetwo
     assert ways_m[0] == pytest.approx(14.0**2 / (2.0 * 9.81) + 14.0 * 0.2, rel=0.25)
     assert ways_m[1] > 1.15 * ways_m[0]
     assert ways_m[2] == pytest.approx(14.0**2 / (2.0 * 9.81 * 0.625) + 14.0 * 0.1, rel=0.1)
+
+
+def test_indicators_blink_as_the_driver_commands_until_the_next_command(network: RoadNetwork) -> None:
+    source, warm_up_ticks = simulation(network, snow=1.0)  # with a route, which they would follow otherwise
+    shown: dict[IndicatorsCommand, set[int]] = {}
+    with source:
+        for _ in range(warm_up_ticks + 1):
+            source.step()
+        for command in (IndicatorsCommand(False, True), IndicatorsCommand(True, True), IndicatorsCommand(False, False)):
+            source.follow_command(0, command)
+            ticks = [int(source.step().ego["lights"]) & (Light.TURN_LEFT | Light.TURN_RIGHT) for _ in range(32)]
+            shown[command] = set(ticks[LAMP_TICKS:])
+    assert [*shown.values()] == [{0, Light.TURN_RIGHT}, {0, Light.TURN_LEFT | Light.TURN_RIGHT}, {0}]
 
 
 @pytest.mark.parametrize(

@@ -139,4 +139,15 @@ class TrajectoryCommand:
         return math.atan(own.wheelbase_m * curvature_pm) + own.understeer_s2pm * speed_mps**2 * curvature_pm
 
 
+@dataclass(frozen=True, slots=True)
+class IndicatorsCommand:
+    """Indicators that are to be on until the next command."""
+
+    left: bool
+    right: bool
+
+
 VehicleCommand = AckermannCommand | TrajectoryCommand
+"""What a vehicle moves by."""
+DriverCommand = VehicleCommand | IndicatorsCommand
+"""What its driver sends."""

@@ -11,7 +11,7 @@ from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.route_progress import RouteProgress
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.driving.commanded_driver import CommandedDriver
-from simbev_ros.simulation.world.driving.commands import VehicleCommand
+from simbev_ros.simulation.world.driving.commands import DriverCommand, IndicatorsCommand
 from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.lights import LEFT_BLINKER, RIGHT_BLINKER
@@ -61,6 +61,7 @@ class OutsideDrivers:
         self._sumo, self._delay_ticks = sumo, delay_ticks
         self._drivers: dict[int, EgoDriver | CommandedDriver] = {}
         self._progress = None if spec.drive is None else RouteProgress(spec.drive.route)
+        self._is_indicated_by_driver = set[int]()
         self._spec, by_commands = spec, driven_by_commands(spec)
         driven = driven_from_outside(spec)
         if not driven:  # an extra sample would shift the ticks at which SUMO's lanes ahead are refreshed
@@ -88,9 +89,15 @@ class OutsideDrivers:
         if isinstance(driver := self._drivers.get(vehicle), EgoDriver):
             driver.set_command(speed_mps, yaw_rate_radps)
 
-    def follow_command(self, vehicle: int, command: VehicleCommand) -> None:
+    def follow_command(self, vehicle: int, command: DriverCommand) -> None:
         """Let a vehicle follow a command; ignored for vehicles that follow none."""
-        if isinstance(driver := self._drivers.get(vehicle), CommandedDriver):
+        if not isinstance(driver := self._drivers.get(vehicle), CommandedDriver):
+            return
+        if isinstance(command, IndicatorsCommand):
+            self._is_indicated_by_driver.add(vehicle)
+            bits = command.left * LEFT_BLINKER | command.right * RIGHT_BLINKER
+            self._sumo.given.blinkers[self._sumo.vehicles.index(vehicle)] = bits
+        else:
             driver.follow(command)
 
     def move_vehicles(self, tick: int, weather: WeatherCourse) -> None:
@@ -109,8 +116,8 @@ class OutsideDrivers:
             self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)
 
     def _indicate(self, vehicle: int, driver: CommandedDriver) -> None:
-        """Indicate the maneuver of the route that the first agent is in, or that is near."""
-        if self._progress is not None and vehicle == 0:
+        """Indicate the maneuver of the route that the first agent is in, or that is near, until its driver does so."""
+        if self._progress is not None and vehicle == 0 and vehicle not in self._is_indicated_by_driver:
             command, ahead_m = self._progress.next_command(self._progress.advance_to(driver.front_m))
             is_near = ahead_m <= max(_INDICATED_M, _INDICATED_S * driver.model.speed_mps)
             self._sumo.given.blinkers[self._sumo.vehicles.index(0)] = _BLINKERS.get(command, 0) if is_near else 0

@@ -135,8 +135,9 @@ def test_the_nodes_answer_what_they_hear_among_malformed_messages(context: Conte
     assert abs(info.origin.position.x + info.width / 2 - 11.4) <= 1.0  # base_link at 10 m is 1.4 m behind the center
 
 
-def test_a_relay_starts_in_a_shell_that_chooses_a_middleware_which_is_not_installed() -> None:
-    program = "import sys; sys.argv[0] = '-m'; import simbev_ros.ros.relays.autoware"
+@pytest.mark.parametrize("module", ["ros.relays.autoware", "reference_stack.node"])
+def test_a_program_starts_in_a_shell_that_chooses_a_middleware_which_is_not_installed(module: str) -> None:
+    program = f"import sys; sys.argv[0] = '-m'; import simbev_ros.{module}"
     environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_none_cpp"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0

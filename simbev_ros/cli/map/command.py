@@ -25,7 +25,10 @@ Out = Annotated[
 ]
 To = Annotated[
     Path | None,
-    typer.Option(help="Write the roads in another form: .xodr, .net.xml, .osm or lanelet2_map.osm.", metavar="FILE"),
+    typer.Option(
+        help="Write another form: .xodr, .net.xml, .osm, lanelet2_map.osm or pointcloud_map.pcd.",
+        metavar="FILE",
+    ),
 ]
 At = Annotated[
     tuple[float, float] | None, typer.Option(help="Position of the pictures in the map, in meters.", metavar="X Y")
@@ -72,6 +75,8 @@ def map_(
     simbev map my_city.osm --to my_city.xodr
 
     simbev map Town04 --to autoware/lanelet2_map.osm
+
+    simbev map Town04 --to autoware/pointcloud_map.pcd
 
     simbev map my_city.xodr --check --out my_city.png
 

@@ -13,7 +13,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
 from simbev_ros.cli.map.report import MapReport, Surroundings
 from simbev_ros.cli.production_display import MapDisplay
-from simbev_ros.export.maps.conversion import write_map
+from simbev_ros.export.maps.conversion import is_point_map, write_map
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.foundation.types import Float64Array
@@ -48,9 +48,10 @@ def explore(
     cache_dir: Path,
     console: Console,
 ) -> MapReport:
-    """Build roads and surroundings of a map, and write pictures, and the roads in another form, if they are wanted."""
+    """Build roads and surroundings of a map, and write pictures, and the map in another form, if they are wanted."""
     report, network = build_roads(spec, cache_dir, console)
-    if to is not None:
+    points = to is not None and is_point_map(to)
+    if to is not None and not points:
         write_map(network, to)
         if out is None and at_m is None and not everything:
             return report
@@ -60,12 +61,15 @@ def explore(
     near = regions_of(network.layout, reach)
     if not near:
         raise InputError(f"--at {center_m[0]:g} {center_m[1]:g}: there is no road of {spec.name} near this place")
-    wanted = regions if everything or len(regions) <= _FEW_REGIONS else near
+    wanted = regions if everything or points or len(regions) <= _FEW_REGIONS else near
     started_s = time.perf_counter()
     build_missing_regions(spec, network, wanted, MapDisplay(console), cache_dir)
     seconds = time.perf_counter() - started_s
     cache = StaticCache(spec, network, cache_dir)
     triangles = sum(len(tile.mesh.triangles) for region in wanted for tile in cache.region(region).tiles)
+    if to is not None and points:
+        with console.status(f"points of {escape(spec.name)}"):
+            write_map(network, to, (tile for region in wanted for tile in cache.region(region).tiles))
     if out is not None:
         with console.status(f"pictures of {escape(spec.name)}"):
             shown = None if len(regions) <= _FEW_REGIONS else reach

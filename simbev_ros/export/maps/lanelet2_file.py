@@ -119,11 +119,25 @@ def projector_info(datum: MapDatum) -> bytes:
     If none of Autoware's projections gives it, the type is ``Local``: Autoware then takes ``local_x`` and ``local_y``,
     and knows no position on Earth.
     """
+    kind, other = _projector_of(datum)
+    if other is None:
+        return b"projector_type: Local\n"
+    origin = {name: getattr(other, f"{name}_{unit}") for name, unit in _ORIGIN.items()}
+    content = {"projector_type": kind, "vertical_datum": "WGS84", "map_origin": origin}
+    return yaml.safe_dump(content, sort_keys=False).encode()
+
+
+def autoware_rise_m(datum: MapDatum) -> float:
+    """Height of the map frame's origin in Autoware's, which begins at the origin of the projection, if any."""
+    _, other = _projector_of(datum)
+    return datum.altitude_m - (0.0 if other is None else other.altitude_m)
+
+
+def _projector_of(datum: MapDatum) -> tuple[str, MapDatum | None]:
+    """The projection of Autoware's that gives the map frame of a datum, and its datum; None if none does."""
     for kind in ("LocalCartesian", "LocalCartesianUTM", "TransverseMercator"):
         other = datum_of_origin(kind, datum.latitude_deg, datum.longitude_deg, datum.altitude_m)
         there_m = other.map_from_geodetic(*datum.geodetic_from_map((_PROBE_M, _PROBE_M, 0.0)))[:2]
         if np.abs(np.subtract(there_m, _PROBE_M)).max() < _EXACT_M:
-            origin = {name: getattr(other, f"{name}_{unit}") for name, unit in _ORIGIN.items()}
-            content = {"projector_type": kind, "vertical_datum": "WGS84", "map_origin": origin}
-            return yaml.safe_dump(content, sort_keys=False).encode()
-    return b"projector_type: Local\n"
+            return kind, other
+    return "Local", None

@@ -148,6 +148,12 @@ class Lidar(Sensor):
     )
     points: bool = Field(True, description="whether to publish points (with drop-off, noise and weather)")
     semantic_points: bool = Field(True, description="whether to publish semantic_points (without these effects)")
+    compression: Literal["zstd"] | None = Field(
+        None,
+        exclude_if=lambda value: value is None,
+        description="clouds also as point_cloud_interfaces/CompressedPointCloud2, on the topics points/zstd and "
+        "semantic_points/zstd, which bags contain in place of the others; none: no compressed clouds",
+    )
 
     @model_validator(mode="before")
     @classmethod

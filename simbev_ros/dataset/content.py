@@ -25,7 +25,7 @@ from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 
-_IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$|(?<=/rgb)/video$")
+_IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$|(?<=/rgb)/video$|(?<=points)/zstd$")
 _OF_EGO = re.compile(r"/(prediction/.+|robot_description)")
 """Topics of the ego without its name, because ROS tools and perception stacks expect these names."""
 _SPORADIC = ("/world/events", "/drive/events")

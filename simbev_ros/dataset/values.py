@@ -4,7 +4,7 @@
 |---|---|
 | Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
 | CompressedVideo | (H, W, 3) uint8 array, decoded with the images since the key frame |
-| PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
+| PointCloud2, CompressedPointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
 | Actors, TrafficSignals, Boxes, Views, RadarScan | (N,) structured array, like that of the topic's table |
 | Odometry, Imu, NavSatFix | (K,) structured array, a row each: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
 | CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
@@ -27,6 +27,7 @@ from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaterni
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.arrays import image_array, point_array
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.messages.table_messages import TABLE_TYPES, table_of
 
@@ -200,6 +201,7 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "sensor_msgs/msg/Image": _image,
     "sensor_msgs/msg/CompressedImage": _image,
     "sensor_msgs/msg/PointCloud2": _points,
+    COMPRESSED_CLOUD: _points,
     "sensor_msgs/msg/CameraInfo": _camera_info,
     "tf2_msgs/msg/TFMessage": _transforms,
     "std_msgs/msg/String": _text,

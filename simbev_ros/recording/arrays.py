@@ -6,6 +6,7 @@ import numpy as np
 
 from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.types import AnyArray, Table
+from simbev_ros.recording.compressed_clouds import cloud_data
 from simbev_ros.recording.image_codecs import decode_image
 
 _IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
@@ -42,9 +43,10 @@ def image_array(message: Any) -> AnyArray:
 
 
 def point_array(message: Any) -> Table:
-    """(N,) structured array of a ``sensor_msgs/msg/PointCloud2``, one row per point, with the fields at their offsets.
+    """(N,) structured array of a cloud, compressed or not, one row per point, with the fields at their offsets.
 
     Raises:
+        LimitError: A compressed cloud is too large.
         BagError: A field lies outside its point or has an unknown type, or the size of the data does not match the
             message's fields.
     """
@@ -53,7 +55,7 @@ def point_array(message: Any) -> Table:
     except FOREIGN_ERRORS as error:
         raise BagError(f"point cloud: {error}") from None
     row_bytes = message.width * message.point_step
-    data = np.frombuffer(message.data, np.uint8)
+    data = np.frombuffer(cloud_data(message), np.uint8)
     if message.row_step < row_bytes or data.size != message.row_step * message.height:
         raise BagError(
             f"point cloud of {message.width}x{message.height}: row step {message.row_step}, {data.size} bytes"

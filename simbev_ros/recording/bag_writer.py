@@ -25,6 +25,7 @@ from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.recording.bag_files import BagFiles, check_space, disk_errors
 from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to_yaml
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition
 from simbev_ros.recording.qos import QosProfile
@@ -44,7 +45,7 @@ class _Group(NamedTuple):
     is_compressed: bool
 
 
-_COMPRESSED = ("sensor_msgs/msg/CompressedImage", VIDEO_TYPE)
+_COMPRESSED = ("sensor_msgs/msg/CompressedImage", VIDEO_TYPE, COMPRESSED_CLOUD)
 """Types of messages that are compressed, so that compressing them again gains nothing."""
 _COMMON = _Group(is_separate=False, is_compressed=False)
 

@@ -11,7 +11,8 @@ OWN_PACKAGE = "simbev_interfaces"
 AUTOWARE_PACKAGES = ("autoware_control_msgs", "autoware_vehicle_msgs", "autoware_perception_msgs")
 """Those of ``FOREIGN_PACKAGES`` that only the relay for Autoware needs."""
 FOREIGN_PACKAGES = (
-    *("tf2_msgs", "vision_msgs", "radar_msgs", "gps_msgs", "ackermann_msgs", "foxglove_msgs", "simulation_interfaces"),
+    *("tf2_msgs", "vision_msgs", "radar_msgs", "gps_msgs", "ackermann_msgs", "foxglove_msgs"),
+    *("point_cloud_interfaces", "simulation_interfaces"),
     *AUTOWARE_PACKAGES,
 )
 """ROS packages with definitions in the folder ``definitions`` next to this module."""

@@ -128,7 +128,7 @@ def _annotator_inputs(
 ) -> Iterator[tuple[str, Topic]]:
     if Label.BOXES in labels:
         for lidar in view.rig.of_type(Lidar):
-            yield lidar.name, next(topic for topic in lidar_topics(view, lidar) if topic is not None)
+            yield lidar.name, lidar_topics(view, lidar).recorded(lidar)[0]
         for radar in view.rig.of_type(Radar):
             yield radar.name, radar_topic(view, radar)
     if Label.VIEWS in labels:

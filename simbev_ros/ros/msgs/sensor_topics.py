@@ -6,6 +6,7 @@ Pure: imports no ROS.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple, assert_never
 
 from simbev_ros.config.camera import Camera
@@ -17,6 +18,7 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD, ZSTD
 from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.ros.msgs.gps_fix import GPS_FIX
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
@@ -54,6 +56,15 @@ class LidarTopics(NamedTuple):
 
     points: Topic | None
     semantic_points: Topic | None
+
+    @property
+    def raw(self) -> tuple[Topic, ...]:
+        """The clouds that are on."""
+        return tuple(topic for topic in self if topic is not None)
+
+    def recorded(self, lidar: Lidar) -> tuple[Topic, ...]:
+        """The clouds that are on in the form that bags contain."""
+        return self.raw if lidar.compression is None else tuple(map(compressed_cloud_topic, self.raw))
 
 
 class GnssTopics(NamedTuple):
@@ -123,6 +134,11 @@ def lidar_topics(view: AgentView, lidar: Lidar) -> LidarTopics:
     )
 
 
+def compressed_cloud_topic(cloud: Topic) -> Topic:
+    """Topic with the compressed form of a cloud, named as by point_cloud_transport."""
+    return replace(cloud, name=f"{cloud.name}/{ZSTD}", type=COMPRESSED_CLOUD)
+
+
 def radar_topic(view: AgentView, radar: Radar) -> Topic:
     """Topic with the detections of a radar."""
     return _topic(view, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
@@ -174,7 +190,7 @@ def topics_of_sensor(view: AgentView, sensor: AnySensor, *, compressed_images: b
             images = (topic for each in modalities for topic in each.recorded(compressed=compressed_images))
             return (camera_info_topic(view, sensor), *images)
         case Lidar():
-            return tuple(topic for topic in lidar_topics(view, sensor) if topic is not None)
+            return lidar_topics(view, sensor).recorded(sensor)
         case Radar():
             return (radar_topic(view, sensor),)
         case Gnss():

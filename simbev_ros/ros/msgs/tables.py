@@ -4,15 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2, PointField
 
+from simbev_ros.drawing.displays.messages import CLOUD, build, serialize, stamped
+from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.types import Table
-from simbev_ros.recording.arrays import point_dtype
+from simbev_ros.recording.arrays import point_array, point_dtype
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD, ZSTD, compress
 from simbev_ros.ros.msgs.arrays import bytes_field
 from simbev_ros.ros.msgs.stamps import header
+from simbev_ros.schema.messages.message_types import types_with
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 _DATATYPE = {
     "i1": PointField.INT8,
     "u1": PointField.UINT8,
@@ -52,15 +54,33 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
     return message
 
 
-def table_from_cdr(payload: bytes, columns: Sequence[str] = ()) -> Table:
-    """(N,) structured array that shares the memory of a serialized PointCloud2.
+def compressed_message(table: Table, stamp_ns: int, frame: str) -> bytes:
+    """Serialized CompressedPointCloud2 message from (N,) rows; its data unpack to those of ``message_from_table``.
+
+    Raises:
+        KeyError: As ``message_from_table``.
+    """
+    dtype = table.dtype
+    fields = [
+        build("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=_DATATYPE[kind.str[1:]], count=1)
+        for name, (kind, offset, *_) in (dtype.fields or {}).items()
+    ]
+    sizes = {"height": 1, "width": len(table), "point_step": dtype.itemsize, "row_step": dtype.itemsize * len(table)}
+    data = np.frombuffer(compress(np.ascontiguousarray(table).tobytes()), np.uint8)
+    values = {"fields": fields, "compressed_data": data, "is_dense": True, "format": ZSTD}
+    return serialize(build(COMPRESSED_CLOUD, header=stamped(stamp_ns, frame), **sizes, **values))
+
+
+def table_from_cdr(payload: bytes, columns: Sequence[str] = (), type_name: str = CLOUD) -> Table:
+    """(N,) structured array of a serialized cloud; of a PointCloud2, it shares its memory.
 
     Raises:
         ValueError: The message is of another kind, lacks one of ``columns``, or ``table_from_message`` fails.
     """
     try:
-        table = table_from_message(_TYPES.deserialize_cdr(payload, "sensor_msgs/msg/PointCloud2"))
-    except SerdeError as error:
+        message = types_with(type_name).deserialize_cdr(payload, type_name)
+        table = table_from_message(message) if type_name == CLOUD else point_array(message)
+    except (SerdeError, SimbevError) as error:
         raise ValueError(str(error)) from None
     if missing := [name for name in columns if name not in (table.dtype.names or ())]:
         raise ValueError(f"has no column {', '.join(missing)}")

@@ -16,8 +16,10 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.drawing.displays.messages import CLOUD
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD
 from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.ros.msgs.annotation_topics import (
     AnnotationTopics,
@@ -112,7 +114,9 @@ class AnnotatedAgent:
         """
         camera = next((camera for camera in self.cameras if camera.name == sensor), None)
         if camera is None:
-            return table_from_cdr(payload, _POINT_COLUMNS)
+            lidar = next((lidar for lidar in self.view.rig.of_type(Lidar) if lidar.name == sensor), None)
+            is_compressed = lidar is not None and lidar.compression is not None
+            return table_from_cdr(payload, _POINT_COLUMNS, COMPRESSED_CLOUD if is_compressed else CLOUD)
         if Label.VIEWS not in self.labels:
             return table_from_cdr(payload, _VIEW_COLUMNS)[list(_VIEW_COLUMNS)].astype(VIEW_DTYPE)
         if compressed_images:

@@ -13,8 +13,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.conventions.names import NodeName
-from simbev_ros.ros.msgs.sensor_topics import LidarTopics, lidar_topics
-from simbev_ros.ros.msgs.tables import message_from_table
+from simbev_ros.ros.msgs.message_types import require_installed
+from simbev_ros.ros.msgs.sensor_topics import LidarTopics, compressed_cloud_topic, lidar_topics
+from simbev_ros.ros.msgs.tables import compressed_message, message_from_table
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.ray_scenes import RayScenes
 from simbev_ros.schema.scene.agents import AgentView
@@ -86,7 +87,7 @@ class LidarNode(Participant):
         recorded = []
         for view in views:
             mounted = [self._mount(view, lidar) for lidar in view.rig.of_type(Lidar)]
-            recorded += [topic.name for each in mounted for topic in each.topics if topic is not None]
+            recorded += [topic.name for each in mounted for topic in each.topics.recorded(each.lidar)]
             self._groups += _groups(view, mounted)
         return recorded
 
@@ -95,9 +96,10 @@ class LidarNode(Participant):
         turn_s = period * view.scene.tick_ns / NS_PER_S
         model = LidarModel(lidar, view.noise_seed, turn_s, max_blocks=usable_cores())
         topics = lidar_topics(view, lidar)
-        for topic in topics:
-            if topic is not None:
-                self.advertise(topic)
+        if lidar.compression is not None:
+            require_installed(topics.recorded(lidar)[0].type, f"{lidar.name}: compression")
+        for topic in {*topics.raw, *topics.recorded(lidar)}:
+            self.advertise(topic)
         return _Mounted(lidar, model, period, topics)
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -125,7 +127,7 @@ class LidarNode(Participant):
         self.finish_after(spec, state.tick, work, partial(self._publish, state, self._scanning))
 
     def _is_wanted(self, mounted: _Mounted, tick: int) -> bool:
-        names = [topic.name for topic in mounted.topics if topic is not None]
+        names = {topic.name for topic in (*mounted.topics.raw, *mounted.topics.recorded(mounted.lidar))}
         return mounted.is_due(tick) and not self.is_superfluous(names, tick)
 
     def _wait_for_threads(self) -> None:
@@ -147,8 +149,13 @@ class LidarNode(Participant):
         for mounted, frame, in_progress in scanning:
             scan, topics = in_progress.result(), mounted.topics
             for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
-                if topic is not None and table is not None and state.tick >= 0:
+                if topic is None or table is None or state.tick < 0:
+                    continue
+                if mounted.lidar.compression is None or self.reader_count(topic.name):
                     self.publish(topic.name, message_from_table(table, state.stamp_ns, frame))
+                if mounted.lidar.compression is not None and self.reader_count(compressed_cloud_topic(topic).name):
+                    message = compressed_message(table, state.stamp_ns, frame)
+                    self.publish(compressed_cloud_topic(topic).name, message)
 
     def close(self) -> None:
         """Stop the threads."""

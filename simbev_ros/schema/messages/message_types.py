@@ -12,7 +12,7 @@ from rosbags.typesys.store import Typestore
 from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files
 
 _JAZZY = get_typestore(Stores.ROS2_JAZZY)
-_ADDED_PACKAGES = (OWN_PACKAGE, "vision_msgs", "radar_msgs", "gps_msgs", "foxglove_msgs")
+_ADDED_PACKAGES = (OWN_PACKAGE, "vision_msgs", "radar_msgs", "gps_msgs", "foxglove_msgs", "point_cloud_interfaces")
 _SEPARATOR = "=" * 80 + "\n"
 
 

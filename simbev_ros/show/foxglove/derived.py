@@ -54,7 +54,7 @@ class Derivation:
         """Content of a message as displays take it."""
         decoded = self._bag.decode(message)
         match self._bag.topics[message.topic].type_name.rpartition("/")[2]:
-            case "PointCloud2":
+            case "PointCloud2" | "CompressedPointCloud2":
                 return point_array(decoded)
             case "Odometry":
                 return self._path(message.topic).until(PathPose.of_odometry(decoded, message.stamp_ns))

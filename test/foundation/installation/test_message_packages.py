@@ -158,7 +158,7 @@ def test_without_a_compiler_the_packages_of_the_distribution_are_named(monkeypat
     monkeypatch.setattr(libraries.shutil, "which", lambda name: None)
     with pytest.raises(
         SimbevError,
-        match=r"^tf2_msgs, .*, foxglove_msgs, simbev_interfaces cannot be made on this machine: no C",
+        match=r"^tf2_msgs, .*, point_cloud_interfaces, simbev_interfaces cannot be made on this machine: no C",
     ):
         installer.install_missing()
     assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then ./simbev doctor --fix"
@@ -188,7 +188,7 @@ def test_with_an_installed_ros_its_packages_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
     assert installer.describe_remedy() == (
         "apt-get install ros-jazzy-tf2-msgs ros-jazzy-vision-msgs ros-jazzy-radar-msgs ros-jazzy-gps-msgs "
-        "ros-jazzy-ackermann-msgs ros-jazzy-foxglove-msgs; "
+        "ros-jazzy-ackermann-msgs ros-jazzy-foxglove-msgs ros-jazzy-point-cloud-interfaces; "
         "build the package in interfaces/ with colcon, and source it"
     )
 

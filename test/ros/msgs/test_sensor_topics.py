@@ -4,6 +4,7 @@ import pytest
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.rig import SENSOR_KINDS
+from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD
 from simbev_ros.recording.video import VIDEO_TYPE
 from simbev_ros.ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics, topics_of_sensor
@@ -78,6 +79,14 @@ def test_a_tick_is_written_in_the_order_world_transforms_motion_sensors_labels()
     assert names[10:14] == ["/tf_static", "/tf", "/robot_description", "/ego/odom"]
     assert names[14:] == [f"/ego/{name}" for name in (*SENSED, *LABELS)]
     assert {t.name: t.period_ticks for t in topics[14 + len(SENSED) :]} == {f"/ego/{n}": p for n, p in LABELS.items()}
+
+
+def test_compressed_clouds_are_recorded_and_annotated_in_place_of_others() -> None:
+    spec = made_up_spec([{"type": "lidar", "name": "lidar", "rate_hz": 10, "compression": "zstd"}])
+    topics = list(sensor_topics(agent_view(spec), compressed_images=True))
+    assert [topic.name for topic in topics] == ["/ego/lidar/points/zstd", "/ego/lidar/semantic_points/zstd"]
+    assert {(topic.type, topic.period_ticks, topic.sensor) for topic in topics} == {(COMPRESSED_CLOUD, 2, True)}
+    assert annotator_inputs(agent_view(spec), compressed_images=True)["lidar"].name == "/ego/lidar/points/zstd"
 
 
 @pytest.mark.parametrize("compressed", [True, False])

@@ -59,6 +59,7 @@ MESSAGE_PACKAGES = (
     MessagePackage("gps_msgs", "2.1.0", "BSD-3-Clause", "extended fixes of GNSS live"),
     MessagePackage("ackermann_msgs", "2.0.2", "BSD-3-Clause", "commands of drivers with ackermann"),
     MessagePackage("foxglove_msgs", "3.1.0", "MIT", "video of cameras"),
+    MessagePackage("point_cloud_interfaces", "4.0.2", "BSD-3-Clause", "compressed clouds of lidars"),
     MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, own services and RunScene"),
 )
 """Packages that set-up makes."""

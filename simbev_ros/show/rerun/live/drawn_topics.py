@@ -43,7 +43,7 @@ def _sensor_topics(view: AgentView, sensor: AnySensor, choose_image: ChooseImage
             if modality == "rgb" or layers:
                 yield choose_image(forms)
     elif isinstance(sensor, Lidar):
-        clouds = [topic for topic in lidar_topics(view, sensor) if topic is not None]
+        clouds = lidar_topics(view, sensor).raw
         yield from clouds if layers else clouds[:1]
     elif isinstance(sensor, Imu):
         yield imu_topics(view, sensor).oriented

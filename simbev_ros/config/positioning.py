@@ -49,6 +49,7 @@ class Gnss(Sensor):
     )
     extended_fix: bool = Field(
         False,
+        exclude_if=lambda value: not value,
         description="whether fixes are also sent as gps_msgs/GPSFix, on the topic extended_fix, with speed, track and "
         "climb if there is a velocity",
     )

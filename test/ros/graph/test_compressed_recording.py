@@ -38,7 +38,7 @@ def test_compressed_clouds_are_recorded_in_place_of_others_and_nothing_else_chan
         ticks = np.flatnonzero(of_plain.has([key])).tolist()
         assert len(ticks) == 6 and ticks == np.flatnonzero(of_packed.has([key])).tolist()
         assert all(np.array_equal(of_plain[tick][key], of_packed[tick][key]) for tick in ticks)
-    code, output = Command("replay", tmp_path / "packed", "--out", tmp_path / "again").finish()
+    code, output = Command("replay", packed, config, "--out", tmp_path / "again").finish()
     assert code == 0, output
     with SceneBag(tmp_path / "again" / SCENE) as bag:
         again = topic_digests(bag)

@@ -7,7 +7,6 @@ of its doors until the tables show them closed, so that no vehicle moves with an
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from simbev_ros.foundation.types import Float64Array, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _MIN_STOOD_S = 1.0
 _WILL_STAND_S = 3.0
@@ -23,19 +23,6 @@ _MAX_CREEP_M = 1e-4  # movement per tick that counts as standing: SUMO's drivers
 _MIN_OPEN_S, _MAX_OPEN_S = 1.5, 6.0
 _REASON = "doors"
 _ALL_DOORS_PROBABILITY = 0.5  # probability that all doors open; otherwise one does
-
-
-class StandingTraffic(Protocol):
-    """Traffic interface that the doors need; vehicles are given by their row among the scene's vehicles."""
-
-    def will_stand(self, vehicle: int, for_s: float) -> bool:
-        """Whether a vehicle at rest has a reason to stay there for this duration."""
-
-    def wants_to_move(self, vehicle: int) -> bool:
-        """Whether a stopped vehicle would drive."""
-
-    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed for a reason; None lifts the limit."""
 
 
 @dataclass(slots=True)
@@ -60,7 +47,7 @@ class Doors:
         self,
         spec: SceneSpec,
         indices: Sequence[int],
-        traffic: StandingTraffic,
+        traffic: SumoTraffic,
         front_m: Float64Array,
         delay_ticks: int,
     ) -> None:

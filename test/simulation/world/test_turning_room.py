@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from simbev_ros.simulation.world.driving.turning_room import RouteProgress, TurningRoom
+from simbev_ros.simulation.world.driving.turning_room import TurningRoom
+from simbev_ros.simulation.world.sumo.lanes_ahead import LaneProgress
 
 
 class Queue:
@@ -12,7 +13,7 @@ class Queue:
     def __init__(self, *vehicles: tuple[str, float, str]) -> None:
         """From lane, position and next edge of each."""
         lanes, position_m, next_edges = zip(*vehicles, strict=True)
-        self.progress = RouteProgress(lanes, np.array(position_m), next_edges)
+        self.progress = LaneProgress(lanes, np.array(position_m), next_edges)
         self.limits_mps: dict[int, float] = {}
 
     def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
@@ -58,6 +59,6 @@ def test_a_limit_is_lifted_when_the_end_is_free() -> None:
     room = queue.room()
     room.hold_back()
     assert queue.limits_mps.keys() == {1}
-    queue.progress = RouteProgress(("back_0", "there_0"), np.array([20.0, 43.0]), ("", "back"))
+    queue.progress = LaneProgress(("back_0", "there_0"), np.array([20.0, 43.0]), ("", "back"))
     room.hold_back()
     assert queue.limits_mps == {}

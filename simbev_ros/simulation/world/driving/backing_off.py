@@ -7,13 +7,11 @@ At junctions, SUMO's drivers also wait for others who wait for them, and then no
 stood for long therefore pass others who have, too, even those with the right of way.
 """
 
-from collections.abc import Iterable
-from typing import Protocol
-
 import numpy as np
 
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.simulation.world.driving.conflicts import Conflicts, PredictedTraffic
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _REASON = "backing off"
 MAX_BACK_M, _STEP_M = 4.0, 0.25  # in all, and at each look
@@ -25,16 +23,6 @@ _STANDING_MPS = 0.02
 _NEAR_M, _PASS_M = 20.0, 15.0  # from those whom a driver passes who has stood for long; distance driven to pass them
 
 
-class RightOfWay(Protocol):
-    """Traffic interface of ``BackingOff``; vehicles are given by their index in ``vehicles``."""
-
-    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed for a reason; None lifts the limit."""
-
-    def ignore_at_junctions(self, vehicle: int, others: Iterable[int]) -> None:
-        """Let a vehicle pass junctions regardless of these others, and of no one else."""
-
-
 class BackingOff:
     """The drivers of a scene who back off.
 
@@ -42,7 +30,7 @@ class BackingOff:
         back_m: (V,) distance of each body behind SUMO's vehicle, along its path.
     """
 
-    def __init__(self, vehicles: int, traffic: RightOfWay, tick_s: float, patience_s: float) -> None:
+    def __init__(self, vehicles: int, traffic: SumoTraffic, tick_s: float, patience_s: float) -> None:
         """Start where SUMO's V vehicles are; drivers who have stood for ``patience_s`` pass others who stand."""
         self.back_m: Float64Array = np.zeros(vehicles)
         self._traffic = traffic

@@ -13,22 +13,21 @@ of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO
 """
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
-from simbev_ros.simulation.world.driving.backing_off import BackingOff, RightOfWay
+from simbev_ros.simulation.world.driving.backing_off import BackingOff
 from simbev_ros.simulation.world.driving.conflicts import MARGINS_M, Conflicts, PredictedTraffic
 from simbev_ros.simulation.world.driving.trajectory_prediction import (
     TIMES_S,
     PredictedTrajectories,
-    RouteGeometry,
     TrajectoryPredictor,
     predict_pedestrians,
 )
 from simbev_ros.simulation.world.kinematics.motion import Bodies
 from simbev_ros.simulation.world.kinematics.towing import towed_headings
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _REASON = "conflict"
 _STOP_GAP_M = 0.4
@@ -45,13 +44,6 @@ _OFFSET_STEP_M = 0.1  # correction of the offset at each look
 _RETURN_MPS = 0.15
 
 
-class DriverControl(RouteGeometry, RightOfWay, Protocol):
-    """Traffic interface that careful drivers need; vehicles are given by their index in ``vehicles``."""
-
-    def speed_mps(self, vehicle: int) -> float:
-        """A vehicle's speed."""
-
-
 class CarefulDrivers:
     """The careful drivers of a scene: they look for conflicts and brake for them.
 
@@ -64,7 +56,7 @@ class CarefulDrivers:
         bodies: Bodies,
         heeds: BoolArray,
         front_m: Float64Array,
-        traffic: DriverControl,
+        traffic: SumoTraffic,
         tick_s: float,
         patience_s: float = np.inf,
         is_paved: Callable[[Float64Array], BoolArray] | None = None,

@@ -8,7 +8,7 @@ import shapely
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import SpeedBump
-from simbev_ros.simulation.world.driving.careful_drivers import DriverControl
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _REASON = "speed bump"
 _BRAKING_MPS2 = 1.5
@@ -20,7 +20,7 @@ _SAME_LEVEL_M = 3.0
 class SpeedBumps:
     """Limits the speed of vehicles at speed bumps."""
 
-    def __init__(self, bumps: Sequence[SpeedBump], length_m: Float64Array, sumo: DriverControl, step_s: float) -> None:
+    def __init__(self, bumps: Sequence[SpeedBump], length_m: Float64Array, sumo: SumoTraffic, step_s: float) -> None:
         """For V vehicles off the bumps, with (V,) lengths."""
         hulls = [shapely.convex_hull(shapely.MultiPoint(bump.outline_m[:, :2])) for bump in bumps]
         self._bumps, self._tree = bumps, shapely.STRtree(shapely.buffer(hulls, _MARGIN_M))

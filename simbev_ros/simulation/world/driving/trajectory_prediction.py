@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.simulation.world.kinematics.motion import Bodies
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 TIMES_S = np.arange(13) * 0.3
 _MIN_SPAN_M = 0.05
@@ -20,13 +20,6 @@ _MIN_DRIFT_MPS, _MAX_DRIFT_MPS = 0.15, 1.5
 _TANGENT_M = 0.5
 _MAX_SWERVE_SLOPE = 0.35  # lateral meters per meter driven
 _MAX_SWERVE_MPS = 0.6
-
-
-class RouteGeometry(Protocol):
-    """Traffic interface that trajectory prediction needs."""
-
-    def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
-        """(N, K, 3) positions of N vehicles' fronts after (N, K) distances, (N, K) further to the left than now."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +60,7 @@ class TrajectoryPredictor:
         offset_m: (V,) current lateral offset.
     """
 
-    def __init__(self, bodies: Bodies, front_m: Float64Array, traffic: RouteGeometry, tick_s: float) -> None:
+    def __init__(self, bodies: Bodies, front_m: Float64Array, traffic: SumoTraffic, tick_s: float) -> None:
         """Start at rest at the (V, 3) fronts."""
         self.speed_mps: Float64Array = np.zeros(len(front_m))
         self._traffic = traffic

@@ -4,43 +4,18 @@ SUMO lets vehicles queue right up to the end. A vehicle that turns round there s
 and then both would wait for each other for good.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
 
 import numpy as np
 
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _REASON = "turning room"
 _ROOM_M = 7.0  # from the waiting vehicle's front to the end of its road: a car's length and its swing
 _CLEAR_M = 2.0  # from the start of the road back to the rear of the vehicle that has turned
 _TOLERANCE_M = 0.5
 _BRAKING_MPS2 = 2.0
-
-
-class RouteProgress(NamedTuple):
-    """Where V vehicles are on their routes.
-
-    Attributes:
-        lanes: V lane ids.
-        position_m: (V,) SUMO's positions of their fronts on these lanes.
-        next_edges: V ids of the edges that follow outside junctions, "" where a route ends.
-    """
-
-    lanes: Sequence[str]
-    position_m: Float64Array
-    next_edges: Sequence[str]
-
-
-class TurningTraffic(Protocol):
-    """Traffic interface of ``TurningRoom``; vehicles are given by their index in ``vehicles``."""
-
-    @property
-    def progress(self) -> RouteProgress:
-        """Where the vehicles are."""
-
-    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed for a reason; None lifts the limit."""
 
 
 class TurningRoom:
@@ -51,7 +26,7 @@ class TurningRoom:
         turns: Mapping[str, str],
         edge_length_m: Mapping[str, float],
         vehicle_length_m: Float64Array,
-        traffic: TurningTraffic,
+        traffic: SumoTraffic,
     ) -> None:
         """Observe the ends of some roads.
 

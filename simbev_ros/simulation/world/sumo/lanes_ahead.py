@@ -1,6 +1,7 @@
 """The lanes ahead of SUMO's vehicles, as far as they get in a few seconds."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,20 @@ from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 
 _MAX_LANES = 7  # number of lanes of one vehicle's path; it ends there
 _REFRESH_TICKS = 100  # the lanes that a vehicle will take may change while it is still on the same lane
+
+
+class LaneProgress(NamedTuple):
+    """Where V vehicles are on their routes.
+
+    Attributes:
+        lanes: V lane ids.
+        position_m: (V,) SUMO's positions of their fronts on these lanes.
+        next_edges: V ids of the edges that follow outside junctions, "" where a route ends.
+    """
+
+    lanes: Sequence[str]
+    position_m: Float64Array
+    next_edges: Sequence[str]
 
 
 class LanesAhead:

@@ -11,13 +11,12 @@ import numpy as np
 from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.simulation.world.driving.turning_room import RouteProgress
 from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 from simbev_ros.simulation.world.sumo import vehicle_routes
 from simbev_ros.simulation.world.sumo.arc_ahead import arc_ahead_m, curvature_per_m
 from simbev_ros.simulation.world.sumo.closures import CLOSURE, shorten_closure
 from simbev_ros.simulation.world.sumo.given_motion import BRAKES_HARD, NO_CHECKS, GivenMotion
-from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
+from simbev_ros.simulation.world.sumo.lanes_ahead import LaneProgress, LanesAhead
 from simbev_ros.simulation.world.sumo.lanes_beside import leave_lane
 from simbev_ros.simulation.world.sumo.libsumo_import import FAILURES, libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, vehicle_name
@@ -116,7 +115,7 @@ class SumoTraffic:
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self.given = GivenMotion(self._vehicle_names, self._left_sign)
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
-        self.progress = RouteProgress((), np.zeros(0), ())
+        self.progress = LaneProgress((), np.zeros(0), ())
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, BRAKES_HARD)
@@ -144,7 +143,7 @@ class SumoTraffic:
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
             lane_position = lanes, np.array(position_m, np.float64), self._left_sign * np.array(left_m, np.float64)
             self._lanes_ahead.observe(*lane_position)
-            self.progress = RouteProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
+            self.progress = LaneProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
             front_m = self._tracks.positions_m(*lane_position)
             axle_m = np.full_like(front_m, np.nan)
             for name, (_, *driven_m) in self._driven.items():

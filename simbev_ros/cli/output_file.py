@@ -1,9 +1,8 @@
 """Files that users ask for on the command line: checked before the work begins."""
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -11,13 +10,7 @@ from rich.text import Text
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import is_folder
-from simbev_ros.foundation.files.whole_files import (
-    is_stream,
-    require_replaceable,
-    require_writable,
-    write_errors,
-    write_whole,
-)
+from simbev_ros.foundation.files.whole_files import is_stream, require_replaceable, require_writable, write_errors
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")]
 
@@ -76,13 +69,6 @@ def show_written(paths: Iterable[Path], console: Console) -> None:
     """Print the files that were written."""
     for path in paths:
         console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
-
-
-def write_figures(file: Path, figures: Mapping[str, Any], console: Console) -> None:
-    """Write figures as JSON, and print where; raises what ``write_errors`` raises."""
-    with write_errors(file):
-        write_whole(file, json.dumps(figures, indent=2).encode() + b"\n")
-    console.print(f"figures in {file}", soft_wrap=True)
 
 
 def require_name(path: Path) -> None:

@@ -68,32 +68,18 @@ def suite(
     from simbev_ros.cli.evaluate.drives import show_drives
     from simbev_ros.cli.generate import show_failures
     from simbev_ros.cli.production_display import DatasetDisplay
-    from simbev_ros.production.drive_suite import (
-        make_suite,
-        suite_drives,
-        suite_figures,
-        suite_scenarios,
-        suite_size,
-        suite_tables,
-    )
+    from simbev_ros.production import drive_suite
 
     for path in filter(None, (report, json_file)):
         require_place(path)
     console, count = make_console(), worker_count(workers, MAX_GRAPHS)
-    scenarios = suite_scenarios(stack, interface.value, routes or suite_size())
-    results = make_suite(scenarios, out, workers=count, ray=ray, observer=DatasetDisplay(console))
+    scenarios = drive_suite.suite_scenarios(stack, interface.value, routes or drive_suite.suite_size())
+    results = drive_suite.make_suite(scenarios, out, workers=count, ray=ray, observer=DatasetDisplay(console))
     failed = {f"{ability}/{name}": why for ability, each in results.items() for name, why in each.failed.items()}
     show_failures(failed, console)
-    if drives := suite_drives(scenarios, out):
-        figures, title = suite_figures(drives, stack), f"drives by {stack}"
-        show_drives(
-            title,
-            [f"{plural(len(drives), 'drive')} by {stack}"],
-            [each.scene for each in drives],
-            [each.drive for each in drives],
-            figures,
-            suite_tables(figures),
-            report=report,
-            json_file=json_file,
-        )
+    if drives := drive_suite.suite_drives(scenarios, out):
+        figures, words = drive_suite.suite_figures(drives, stack), f"{plural(len(drives), 'drive')} by {stack}"
+        scenes, judged = [each.scene for each in drives], [each.drive for each in drives]
+        tables = drive_suite.suite_tables(figures)
+        show_drives(f"drives by {stack}", [words], scenes, judged, figures, tables, report=report, json_file=json_file)
     raise typer.Exit(0 if drives and all(each.is_complete for each in results.values()) else 1)

@@ -9,7 +9,7 @@ from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.evaluate.drives import drives_beside, evaluate_drives
-from simbev_ros.cli.output_file import require_place, write_figures
+from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors
@@ -139,7 +139,7 @@ def _require_places(report: Path | None, json_file: Path | None) -> None:
 
 def _show_figures(figures: Mapping[str, Any], json_file: Path | None, drives: "Sequence[FigureTable]") -> None:
     """Write the figures to a file, if there is to be one, and print them as tables, those of drives last."""
-    from simbev_ros.cli.evaluate.tables import print_figure_tables, print_tables
+    from simbev_ros.cli.evaluate.tables import print_figure_tables, print_tables, write_figures
 
     console = make_console(highlight=False)
     if json_file is not None:  # before the tables, because their reader may close the pipe, as head does

@@ -9,8 +9,7 @@ from rich.console import Console
 
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate import options as option
-from simbev_ros.cli.evaluate.tables import print_figure_tables
-from simbev_ros.cli.output_file import write_figures
+from simbev_ros.cli.evaluate.tables import print_figure_tables, write_figures
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
@@ -30,6 +29,7 @@ def evaluate_drives(
         InputError: No scene has a drive.
         BagError: A bag is damaged.
     """
+    from simbev_ros.evaluation.driving.figures import drives_figures
     from simbev_ros.evaluation.driving.recorded_drives import drives_of
 
     with make_console(stderr=True).status("drives"):
@@ -43,7 +43,7 @@ def evaluate_drives(
     words = [plural(len(drives), "drive")]
     if cut := [each.scene for each in drives if each.scene in unfinished]:
         words.append(f"scored up to their last tick, as their scenes failed: {', '.join(cut)}")
-    figures = {"dataset": str(dataset), **_summary(drives)}
+    figures = {"dataset": str(dataset), **drives_figures({each.scene: each.record() for each in drives})}
     show_drives(dataset.resolve().name, words, chosen, drives, figures, report=report, json_file=json_file)
 
 
@@ -88,19 +88,13 @@ def drives_beside(chosen: "Sequence[Scene]", console: Console) -> "tuple[dict[st
     if load_extras()["sim"].missing:
         console.print(load_extras()["sim"].remedy("the score of drives"), soft_wrap=True)
         return {}, []
+    from simbev_ros.evaluation.driving.figures import drives_figures
     from simbev_ros.evaluation.driving.recorded_drives import drives_of
     from simbev_ros.evaluation.driving.tables import drive_tables
 
     drives = drives_of(chosen)
-    figures = _summary(drives)
+    figures = drives_figures({each.scene: each.record() for each in drives})
     return {"drives": figures}, [*drive_tables(drives, figures)]
-
-
-def _summary(drives: "Sequence[RecordedDrive]") -> dict[str, Any]:
-    """Means of drives, and what was found in each scene, as plain values for JSON."""
-    from simbev_ros.evaluation.driving.figures import drives_figures
-
-    return drives_figures({each.scene: each.record() for each in drives})
 
 
 def _opened(path: Path) -> "tuple[Dataset, frozenset[str]]":

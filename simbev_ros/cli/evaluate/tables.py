@@ -1,6 +1,8 @@
 """Draws the tables of an evaluation in the terminal."""
 
+import json
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -9,9 +11,17 @@ from rich.table import Table
 
 from simbev_ros.cli.console import plural
 from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, evaluation_tables, text_of
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 
 _MAX_WIDTH = 1000
 """Maximum number of characters of a table's line in a file."""
+
+
+def write_figures(file: Path, figures: Mapping[str, Any], console: Console) -> None:
+    """Write figures as JSON, and print where; raises what ``write_errors`` raises."""
+    with write_errors(file):
+        write_whole(file, json.dumps(figures, indent=2).encode() + b"\n")
+    console.print(f"figures in {file}", soft_wrap=True)
 
 
 def print_tables(figures: Mapping[str, Any], console: Console) -> None:

@@ -222,10 +222,7 @@ class GraphSession:
         self.monitor.stop(reason)
 
     def end_interrupted(self) -> None:
-        """Let the scene that an interrupt has ended here end everywhere, so that its last messages are in its bag.
-
-        This takes a few seconds at most; a scene whose ticks have not begun is left as it is.
-        """
+        """Let a scene that is interrupted end in order, within some seconds, so that its bag is complete."""
         tick, end_s = self._finished_tick(), time.monotonic() + _STOP_TIMEOUT_S
         if tick is not None and tick >= 0:
             self.end_scene("interrupted")

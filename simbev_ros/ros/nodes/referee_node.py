@@ -16,7 +16,6 @@ from simbev_ros.schema.scene.state import WorldState
 
 _SCORE_HZ = 2.0
 """Rate of the scores, in addition to those after infractions and at the end: each is computed from the whole drive."""
-_NEVER_NS = -1
 
 
 class RefereeNode(Participant):
@@ -25,13 +24,12 @@ class RefereeNode(Participant):
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._referee: Referee | None = None
-        self._judged_ns = self._scored_ns = self._end_ns = _NEVER_NS
         self.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the roads and what stands beside the route, and advertise infractions and scores."""
         self._referee = None
-        self._judged_ns = self._scored_ns = self._end_ns = _NEVER_NS
+        self._judged_ns = self._scored_ns = self._end_ns = -1
         if spec.drive is not None:
             network = load_network(spec.map)
             self._referee = Referee(spec, network, load_static_world(spec, network))

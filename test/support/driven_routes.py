@@ -60,7 +60,7 @@ def drive_along(
             desired_mps = speed_mps(state, simulation) if state.tick >= 0 else 0.0
             ahead_m = progress.advance_to(driver.axle_m).distance_m + _LOOK_AHEAD_M + _LOOK_AHEAD_S * desired_mps
             goal_m = np.array([np.interp(ahead_m, stations_m, points_m[:, axis]) for axis in range(2)])
-            if gives_way_m and simulation.event_records[0].begin_tick is not None:
+            if gives_way_m and simulation.route_events.records[0].begin_tick is not None:
                 goal_m = goal_m + gives_way_m * np.array([-heading[1], heading[0]]) / np.linalg.norm(heading)
             x_m, y_m = goal_m - driver.axle_m[:2]
             bearing_rad = math.remainder(math.atan2(y_m, x_m) - math.atan2(heading[1], heading[0]), 2.0 * math.pi)

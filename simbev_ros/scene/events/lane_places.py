@@ -1,7 +1,7 @@
 """Places for events along the lanes of a route, outside junctions."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -41,23 +41,12 @@ def lane(route: RouteLine) -> Iterator[Place]:
 
 def ahead(route: RouteLine) -> Iterator[Place]:
     """Straight places where a vehicle that leads from the start can brake."""
-    for at_m in _stations(route):
-        leader_m = _leader_m(route)
-        if (
-            leader_m is not None
-            and route.is_open(at_m, at_m + 30.0)
-            and route.turn_rad(at_m, at_m + 30.0) < _STRAIGHT_RAD
-        ):
-            yield Place(at_m, route.waypoint(leader_m), route.edges_after(leader_m))
+    yield from _led(route, lambda turn_rad: turn_rad < _STRAIGHT_RAD)
 
 
 def bend(route: RouteLine) -> Iterator[Place]:
     """Bends of the road, for a vehicle that leads from the start."""
-    for at_m in _stations(route):
-        leader_m = _leader_m(route)
-        turns = route.is_open(at_m, at_m + _BEND_M) and route.turn_rad(at_m, at_m + _BEND_M) > _BEND_RAD
-        if leader_m is not None and turns:
-            yield Place(at_m, route.waypoint(leader_m), route.edges_after(leader_m))
+    yield from _led(route, lambda turn_rad: turn_rad > _BEND_RAD)
 
 
 def behind(route: RouteLine) -> Iterator[Place]:
@@ -119,6 +108,15 @@ def _to_far_side_m(route: RouteLine, lane: Lane) -> float:
     lanes = [each for each in route.network.lanes_of_edge(lane.edge) if each.index > lane.index]
     lanes += [each for each in route.network.lanes_of_edge(edge) if each.kind is not LaneKind.SIDEWALK]
     return lane.width_m / 2.0 + sum(each.width_m for each in lanes) + _ON_SIDEWALK_M
+
+
+def _led(route: RouteLine, is_place: Callable[[float], bool]) -> Iterator[Place]:
+    """Places with a turn of some kind ahead, for a vehicle that leads from the start, if it has room there."""
+    if (leader_m := _leader_m(route)) is None:
+        return
+    for at_m in _stations(route):
+        if route.is_open(at_m, at_m + _BEND_M) and is_place(route.turn_rad(at_m, at_m + _BEND_M)):
+            yield Place(at_m, route.waypoint(leader_m), route.edges_after(leader_m))
 
 
 def _leader_m(route: RouteLine) -> float | None:

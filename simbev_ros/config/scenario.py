@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import yaml
 from pydantic import Field, field_validator, model_validator
@@ -51,7 +51,17 @@ _TICK_TOLERANCE = 2.5e-3
 class MapScenes(Model):
     """Number of scenes to generate on a map, for each split."""
 
-    map: str = Field(min_length=1, description="name of a town, or map file relative to the configuration's folder")
+    map: str = Field(
+        "",
+        description="name of a town, or map file relative to the configuration's folder; empty: the one that "
+        "`scenario` names",
+    )
+    scenario: str = Field(
+        "",
+        exclude_if=lambda value: not value,
+        description="OpenSCENARIO file (.xosc) that these scenes play, relative to the configuration's folder; "
+        "empty: traffic alone",
+    )
     bounds: Bounds | None = Field(
         None,
         description="part of an OpenStreetMap file: west, south, east, north in degrees; none: all, or the densest "
@@ -60,6 +70,12 @@ class MapScenes(Model):
     train: int = Field(0, ge=0, le=100_000, description="number of scenes in the training split")
     val: int = Field(0, ge=0, le=100_000, description="number of scenes in the validation split")
     test: int = Field(0, ge=0, le=100_000, description="number of scenes in the test split")
+
+    @model_validator(mode="after")
+    def _has_roads(self) -> Self:
+        if not self.map and not self.scenario:
+            raise FieldError(["map"], "is missing")
+        return self
 
 
 class Timing(Model):
@@ -196,6 +212,12 @@ class Scenario(Model):
 
     seed: int = Field(0, ge=0, le=2**31, description="base seed; a scene's seed is its number plus this value")
     scenes: tuple[MapScenes, ...] = Field(min_length=1)
+    scenarios: tuple[str, ...] = Field(
+        (),
+        exclude=True,
+        description="OpenSCENARIO files (.xosc), each an entry of `scenes` with one scene of the split test; without "
+        "`traffic` and `hazards`, nobody is there but their entities",
+    )
     time: Timing = Timing()
     rig: Rig
     frames: Frames = DEFAULT_FRAMES
@@ -229,6 +251,14 @@ class Scenario(Model):
     evaluation: Evaluation | None = Field(
         None, description="live evaluation of a perception stack; none: no evaluation"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_scenes_of_scenarios(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(files := data.get("scenarios"), list):
+            return data
+        scenes = [*data.get("scenes", ()), *({"scenario": file, "test": 1} for file in files)]
+        return {"traffic": Traffic.NOBODY, "hazards": {"count": 0}} | data | {"scenes": scenes, "scenarios": []}
 
     @property
     def rigs(self) -> tuple[Rig, ...]:
@@ -315,7 +345,7 @@ class Scenario(Model):
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         require_consistent_evaluations(self.evaluation, self.agents)
-        maps = {map_name(entry.map, entry.bounds): None for entry in self.scenes}
+        maps = {map_name(entry.map, entry.bounds): None for entry in self.scenes if entry.map}
         require_maps_of_poses(self.ego, self.agents, maps)
         if self.drive is not None:
             self.drive.require_fitting(self.ego, maps)

@@ -1,6 +1,6 @@
 """Vehicles and pedestrians around the ego, and parked vehicles: the section ``traffic``."""
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -22,6 +22,8 @@ class Parked(Model):
 
 class Traffic(Model):
     """Vehicles and pedestrians around the ego."""
+
+    NOBODY: ClassVar[dict[str, Any]] = {"vehicles": 0, "pedestrians": 0, "parked": {"density": 0}, "resting_share": 0}
 
     vehicles: _Count = Field("paper", description="number of vehicles besides the ego")
     pedestrians: _Count = Field("paper", description="number of pedestrians")

@@ -40,6 +40,7 @@ class PlannedEntry(Model):
     number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
     map: Name
     split: Split
+    scenario: str = Field("", exclude_if=lambda value: not value, description="OpenSCENARIO file that the scene plays")
 
     @property
     def name(self) -> str:
@@ -94,17 +95,19 @@ class Plan(Stored):
         Raises:
             InputError: A dataset cannot have that many scenes.
         """
-        have = Counter((entry.map, entry.split) for entry in self.scenes)
+        have = Counter((entry.map, entry.scenario, entry.split) for entry in self.scenes)
         number = max((entry.number for entry in (*self.scenes, *self.dropped)), default=-1) + 1
         added = []
         for wanted, name in _with_names(scenario, maps):
             for split in SPLITS:
                 count = getattr(wanted, split)
-                enough = min(have[name, split], count)
-                have[name, split] -= enough
+                key = name, wanted.scenario, split
+                enough = min(have[key], count)
+                have[key] -= enough
                 if number + count - enough > MAX_SCENE_NUMBER + 1:
                     raise InputError(f"scenes: a dataset has at most {MAX_SCENE_NUMBER + 1:,} scenes")
-                added += [PlannedEntry(number=number + k, map=name, split=split) for k in range(count - enough)]
+                planned = PlannedEntry(number=number, map=name, split=split, scenario=wanted.scenario)
+                added += [planned.model_copy(update={"number": number + k}) for k in range(count - enough)]
                 number += count - enough
         return self.with_entries(added)
 
@@ -132,17 +135,18 @@ class Plan(Stored):
 
         The maps are those of ``with_scenes_of``.
         """
-        wanted: Counter[tuple[str, Split]] = Counter()
+        wanted: Counter[tuple[str, str, Split]] = Counter()
         for asked, name in _with_names(scenario, maps):
             for split in SPLITS:
-                wanted[name, split] += getattr(asked, split)
+                wanted[name, asked.scenario, split] += getattr(asked, split)
         finished = self.finished_entries(dataset)
-        wanted.subtract((entry.map, entry.split) for entry in finished)
+        wanted.subtract((entry.map, entry.scenario, entry.split) for entry in finished)
         numbers = {entry.number for entry in finished}
         chosen = []
         for entry in self.scenes:
-            if entry.number not in numbers and wanted[entry.map, entry.split] > 0:
-                wanted[entry.map, entry.split] -= 1
+            key = entry.map, entry.scenario, entry.split
+            if entry.number not in numbers and wanted[key] > 0:
+                wanted[key] -= 1
                 chosen.append(entry)
         return chosen
 

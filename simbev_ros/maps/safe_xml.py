@@ -38,12 +38,14 @@ class XmlTarget(Protocol):
         """Receive text between two tags."""
 
 
-def parse(path: Path, root_tag: str) -> Element:
+def parse(path: Path, root_tag: str, max_bytes: int = MAX_MAP_BYTES, max_elements: int = MAX_XML_ELEMENTS) -> Element:
     """Parse an XML file, plain or compressed, and return its root.
 
     Args:
         path: A regular file.
         root_tag: Required tag of the root element.
+        max_bytes: Largest size of the file, unpacked.
+        max_elements: Largest number of elements.
 
     Returns:
         The root; it and all its descendants are ``LinedElement``s, see ``place_of``.
@@ -53,7 +55,15 @@ def parse(path: Path, root_tag: str) -> Element:
             deeply nested, or has another root.
     """
     tree = _Tree()
-    read_elements(path, root_tag, tree, MAX_MAP_BYTES, MAX_XML_ELEMENTS)
+    read_elements(path, root_tag, tree, max_bytes, max_elements)
+    return tree.builder.close()
+
+
+def parse_text(text: str, root_tag: str, name: str, max_elements: int) -> Element:
+    """Parse XML that is not in a file; ``name`` is what messages call it. See ``parse``."""
+    tree = _Tree()
+    reader = _Reader(Path(name), root_tag, tree, max_elements)
+    _feed(reader, [text.encode()])
     return tree.builder.close()
 
 
@@ -68,9 +78,13 @@ def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, 
         max_elements: Largest number of elements.
     """
     check_readable(path, max_bytes)
-    reader = _Reader(path, root_tag, target, max_elements)
+    _feed(_Reader(path, root_tag, target, max_elements), read_unpacked(path, max_bytes))
+
+
+def _feed(reader: "_Reader", pieces: Iterable[bytes]) -> None:
+    """Let a reader parse the pieces of a file, and close it."""
     try:
-        for number, piece in enumerate(_with_plain_comments(read_unpacked(path, max_bytes))):
+        for number, piece in enumerate(_with_plain_comments(pieces)):
             reader.parser.Parse(piece if number else _with_declaration_first(piece), False)
         reader.parser.Parse(b"", True)
     except expat.ExpatError as error:

@@ -98,5 +98,5 @@ class PlannedSceneDrawer:
         spec = self._maps[entry.map]
         network = load_roads(spec, self._observer)
         starts = self._starts.get(spec, lambda: start_positions(self._scenario, network))
-        planned = PlannedScene(entry.number, spec, entry.split)
+        planned = PlannedScene(entry.number, spec, entry.split, scenario=entry.scenario)
         return draw_accepted(self._scenario, planned, network, starts, self._observer)

@@ -1,6 +1,7 @@
 """Detection of the end of a scene: after its duration, or earlier when the ego has stood still for too long.
 
-A drive ends at its goal, in standstill, off its route, or after its time. A scene also ends when the supervisor asks.
+A drive ends at its goal, in standstill, off its route, or after its time; a scenario by its stop trigger. A scene also
+ends when the supervisor asks.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from simbev_ros.config.base import Model
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.route_progress import STANDING_MPS, DriveRule
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.schema.scene.state import STORYBOARD_STOP, WorldState
 
 DURATION = "duration"
 
@@ -59,6 +60,8 @@ class SceneEndDetector:
             done = self._drive.end_at(state.tick, np.array([ego["x"], ego["y"]], np.float64), speed_mps)
             if done is not None:
                 return self._end(state.tick, done[1])
+        if any(event.type == STORYBOARD_STOP for event in state.events):
+            return self._end(state.tick, "the scenario's stop trigger")
         if self._requested is not None:
             return self._end(state.tick, self._requested)
         return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None

@@ -18,6 +18,7 @@ from made_up_scene import SENSORS, made_up_spec
 from rclpy.serialization import deserialize_message
 from recording_targets import RECORDING_TARGETS
 from ros_messages import string
+from scenario_targets import SCENARIO_TARGETS
 from served_targets import SERVED_TARGETS
 from stored_targets import STORED_TARGETS
 from target import CORPUS, Target, folder, write_file
@@ -344,4 +345,5 @@ _TARGETS = (
     Target("typed_event", partial(_convert, "/world/events"), _VALUE, mutation.mutate_json),
     Target("canonical_cdr", _canonicalize, _VALUE, _mutate_canonical),
 )
-TARGETS = {target.name: target for target in (*_TARGETS, *SERVED_TARGETS, *STORED_TARGETS, *RECORDING_TARGETS)}
+_OTHERS = (*SERVED_TARGETS, *STORED_TARGETS, *RECORDING_TARGETS, *SCENARIO_TARGETS)
+TARGETS = {target.name: target for target in (*_TARGETS, *_OTHERS)}

@@ -27,7 +27,7 @@ def play(detector: SceneEndDetector, *speeds_mps: float, first_tick: int = 0) ->
     """The end of the scene, which must not come before the last of these speeds; None if it does not come at all."""
     for tick, speed_mps in enumerate(speeds_mps, start=first_tick):
         ego = {"vx": 0.6 * speed_mps, "vy": 0.8 * speed_mps}
-        state = SimpleNamespace(tick=tick, ego=ego, events=("bump",))
+        state = SimpleNamespace(tick=tick, ego=ego, events=(SimpleNamespace(type="bump"),))
         end = detector.end_at(state)  # type: ignore[arg-type]
         assert end is None or tick == first_tick + len(speeds_mps) - 1
     return end

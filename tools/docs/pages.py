@@ -7,6 +7,7 @@ from tools.docs.commands import render_commands
 from tools.docs.configuration import render_configuration
 from tools.docs.interfaces import render_interfaces
 from tools.docs.limits import render_limits
+from tools.docs.openscenario import render_openscenario
 from tools.docs.shapes import render_shapes
 from tools.docs.tables import render_tables
 from tools.docs.topics import render_topics
@@ -21,6 +22,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "box-columns.md": render_tables,
     "interfaces.md": render_interfaces,
     "limits-of-input.md": render_limits,
+    "openscenario.md": render_openscenario,
     "shapes.md": render_shapes,
 }
 """File name below docs/reference → function that renders the page."""

@@ -50,6 +50,12 @@ MAX_XML_DEPTH = 64
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in an OpenDRIVE file, a Lanelet2 map or a SUMO net; a file of 128 MiB with short elements can reach it."""
 
+MAX_SCENARIO_BYTES = 16 << 20
+"""Size of a file in OpenSCENARIO XML. A trajectory of an hour with 10 points a second takes 5 MiB."""
+
+MAX_SCENARIO_ELEMENTS = 300_000
+"""Elements of a file in OpenSCENARIO XML, and of a scenario with its catalogs. A point of a trajectory has three."""
+
 MAX_LANELETS = 50_000
 """Lanelets in a Lanelet2 map."""
 

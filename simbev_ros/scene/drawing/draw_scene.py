@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple, TypedDict
 
 from simbev_ros.config.draw import sample
@@ -14,6 +15,7 @@ from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_drive import draw_drive
 from simbev_ros.scene.drawing.draw_events import draw_events
 from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
+from simbev_ros.scene.drawing.draw_storyboard import cast_scenario, first_weather
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
@@ -31,7 +33,7 @@ class PlannedScene(NamedTuple):
     """A scene that the configuration asks for.
 
     ``draw`` counts its draws before this one, which were not accepted. ``seed`` replaces the one that follows from the
-    configuration's seed and the number.
+    configuration's seed and the number. ``scenario`` is the OpenSCENARIO file that the scene plays, or empty.
     """
 
     number: int
@@ -39,6 +41,7 @@ class PlannedScene(NamedTuple):
     split: Split
     draw: int = 0
     seed: int | None = None
+    scenario: str = ""
 
 
 def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
@@ -51,7 +54,7 @@ def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
     for entry, chosen in zip(scenario.scenes, maps_of(scenario), strict=True):
         for split in SPLITS:
             for _ in range(getattr(entry, split)):
-                yield PlannedScene(number, chosen, split)
+                yield PlannedScene(number, chosen, split, scenario=entry.scenario)
                 number += 1
 
 
@@ -71,7 +74,9 @@ def draw_scene(
     """
     first_seed = scenario.seed + planned.number if planned.seed is None else planned.seed
     seed = first_seed + planned.draw * SEEDS_PER_DRAW
-    starts = start_positions(scenario, network) if starts is None else starts
+    starts, storyboard = start_positions(scenario, network) if starts is None else starts, None
+    if planned.scenario:
+        scenario, storyboard = cast_scenario(scenario, Path(planned.scenario), planned.number, network)
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     agents, drive = draw_drive(scenario, seed, network, draw_agents(scenario, seed, network, starts, duration_s))
@@ -79,6 +84,8 @@ def draw_scene(
     weather, final_weather = draw_weathers(
         scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
     )
+    if storyboard is not None:
+        weather = weather.model_copy(update=first_weather(storyboard, network.datum))
     drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents, weather)
     hazards = drawer.draw_hazards()
     vehicles = *agents.vehicles, *drawer.draw_vehicles(hazards, clearance)
@@ -111,6 +118,7 @@ def draw_scene(
         **_manners(scenario),
         hazards=hazards.hazards,
         drive=drive,
+        storyboard=storyboard,
         datum=datum_spec(network.datum),
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))

@@ -25,6 +25,7 @@ from simbev_ros.schema.scene.drive_spec import DriveSpec
 from simbev_ros.schema.scene.hazard import HazardSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.storyboard_spec import StoryboardSpec
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.schema.stored import Stored
@@ -171,6 +172,9 @@ class SceneSpec(Stored):
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     drive: DriveSpec | None = Field(
         None, exclude_if=lambda value: value is None, description="the first agent's route; none: it has none"
+    )
+    storyboard: StoryboardSpec | None = Field(
+        None, exclude_if=lambda value: value is None, description="the scenario that moves entities; none: traffic does"
     )
     datum: DatumSpec | None = Field(None, description="the map's position on Earth; none: an earlier version drew it")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")

@@ -56,6 +56,10 @@ COLLISION = "collision"
 """Type of the events of two actors that touch for the first time."""
 ENTITY_PREFIX = "entity."
 """Prefix of the types of the events that record commands to single actors."""
+STORYBOARD_PREFIX = "scenario."
+"""Prefix of the types of the events of a scenario."""
+STORYBOARD_STOP = "scenario.stop"
+"""Type of the event that ends a scenario and its scene."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +68,9 @@ class Event:
 
     Attributes:
         type: ``COLLISION``; for a command to a single actor ``entity.spawn``, ``entity.set`` or ``entity.delete``; for
-            an event along the route of the first agent its kind with ``.begin`` or ``.end``.
+            an event along the route of the first agent its kind with ``.begin`` or ``.end``; of a scenario
+            ``scenario.entity.<name>`` for each entity at tick 0, ``scenario.<path>`` with ``.begin``, ``.end``,
+            ``.stop`` or ``.skip`` for its acts and events, and ``STORYBOARD_STOP``.
         ids: Ids of the actors, ascending; without the first agent if the event is one of its route.
         position_m: Position, map frame; that of the first agent if the event is one of its route.
         relative_speed_mps: Relative speed of two actors just before they touch; otherwise 0.

@@ -89,6 +89,9 @@ class _Entity:
     motion: EntityMotion
     is_new: bool = True
     is_lit: bool | None = None
+    is_driven: bool = False
+    is_shown: bool = True
+    lights: tuple[int, int] = (0, 0)  # bits that are on and off whatever the vehicle does
 
     @property
     def blueprint(self) -> Blueprint:
@@ -172,6 +175,20 @@ class Entities:
         entity.motion, entity.is_new = motion, True
         self._note(MOVED, actor)
 
+    def drive(self, actor: int, motion: EntityMotion, *, shown: bool, lights_on: int, lights_off: int) -> None:
+        """Set the motion that an entity has at the coming tick, without a command; do so for each tick from now on.
+
+        Args:
+            actor: Its id.
+            motion: Its motion then.
+            shown: Whether it is in the scene.
+            lights_on: Bits of lights that are on.
+            lights_off: Bits of lights that are off.
+        """
+        entity = self._entities[actor]
+        entity.motion, entity.is_driven, entity.is_shown = motion, True, shown
+        entity.lights = lights_on, lights_off
+
     def delete(self, actor: int) -> None:
         """Take an entity out of the scene."""
         self._note(DELETED, actor)
@@ -181,6 +198,12 @@ class Entities:
     def advance_entities(self, weather: Weather) -> None:
         """Advance by one tick; entities that have just been placed are where they were placed."""
         for entity in self._entities.values():
+            if entity.is_driven:
+                _fill(entity, 0.0 if entity.is_new else self._tick_s, weather)
+                own, (on, off) = entity.rows["parent"] == 0, entity.lights
+                entity.rows["lights"][own] = (entity.rows["lights"][own] & ~np.uint16(off)) | np.uint16(on)
+                entity.is_new = False
+                continue
             if not entity.is_new and entity.motion.is_at_rest and entity.is_lit == weather.needs_low_beam:
                 continue
             if not entity.is_new:
@@ -194,7 +217,9 @@ class Entities:
         if not self._entities and not self._hidden:
             return actors
         kept = actors[~np.isin(actors["id"], sorted(self._hidden))]
-        rows = np.concatenate([kept, *(each.rows for each in self._entities.values())], dtype=actors.dtype)
+        rows = np.concatenate(
+            [kept, *(each.rows for each in self._entities.values() if each.is_shown)], dtype=actors.dtype
+        )
         return rows[np.argsort(rows["id"])]
 
     def note_contacts(self, actors: Table) -> None:
@@ -210,6 +235,8 @@ class Entities:
     def ahead(self, time_s: float) -> Iterator[tuple[int, tuple[float, float, float], EntityMotion]]:
         """Yield id, size and motion, some time ahead, of each entity."""
         for actor, entity in self._entities.items():
+            if not entity.is_shown:
+                continue
             yield actor, entity.blueprint.size_m, entity.motion.after(time_s)
 
     def _add(self, actor: int, rows: Table, offsets_m: Float64Array, motion: EntityMotion) -> None:

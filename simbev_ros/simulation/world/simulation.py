@@ -38,6 +38,7 @@ from simbev_ros.simulation.world.driving.turning_room import TurningRoom
 from simbev_ros.simulation.world.entities import Entities
 from simbev_ros.simulation.world.events.route_events import RouteEvents
 from simbev_ros.simulation.world.population import Population
+from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 from simbev_ros.simulation.world.sumo.impatience import Impatience
@@ -114,6 +115,9 @@ class Simulation:
             )
             heights_m = None if self._actors.ground.is_level else self._actors.ground.heights_m
             self.entities = Entities(spec.tick_ns / NS_PER_S, self._actors.free_id, heights_m)
+            self._storyboard = None
+            if spec.storyboard is not None:
+                self._storyboard = StoryboardPlayer(spec, network, self.entities, self.weather, heights_m)
             self._add_rules(network, step_ns / NS_PER_S)
             delay_ticks = self._actors.commanded_delay_ticks
             self._outside_drivers = OutsideDrivers(
@@ -202,17 +206,27 @@ class Simulation:
         sample = self._population.sample()
         actors = self._actors.advance_actors(sample, self._steps)
         self.route_events.advance(sample.front_m)
+        if self._storyboard is not None:
+            if self._storyboard.moves_ego:
+                self.adopt_entity(EGO_ID, actors)
+            self._storyboard.advance(tick, actors)
         self.entities.advance_entities(self.weather.at(tick))
         actors = self.entities.overlay(actors)
         self.entities.note_contacts(actors)
+        signals = self._signal_heads.table_at(self._steps - self._actors.delay_ticks)
         state = WorldState(
             stamp_ns=self._spec.stamp_ns(tick),
             tick=tick,
             ego_id=EGO_ID,
             actors=actors,
-            signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
+            signals=signals if self._storyboard is None else self._storyboard.shown_signals(signals),
             weather=self.weather.at(tick),
-            events=(*self._actors.events, *self.entities.events, *self.route_events.events_at(tick, actors)),
+            events=(
+                *self._actors.events,
+                *self.entities.events,
+                *self.route_events.events_at(tick, actors),
+                *(() if self._storyboard is None else self._storyboard.events),
+            ),
         )
         self._steps += 1
         return state

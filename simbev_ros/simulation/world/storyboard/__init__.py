@@ -1,0 +1,1 @@
+"""The OpenSCENARIO engine: a storyboard moves the entities of a scene, tick by tick."""

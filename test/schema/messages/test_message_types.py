@@ -38,7 +38,7 @@ def hashes_by_ros(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 def test_type_hashes_are_those_of_ros(hashes_by_ros: dict[str, str]) -> None:
-    assert len(MESSAGES) == 17
+    assert len(MESSAGES) == 18
     assert {name: type_hash(name) for name in MESSAGES} == {name: hashes_by_ros[name] for name in MESSAGES}
 
 

@@ -20,7 +20,6 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.recording.compressed_clouds import COMPRESSED_CLOUD, ZSTD
 from simbev_ros.recording.video import VIDEO_TYPE
-from simbev_ros.ros.msgs.gps_fix import GPS_FIX
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.messages.table_messages import RADAR_SCAN
 from simbev_ros.schema.scene.agents import AgentView
@@ -152,7 +151,7 @@ def radar_scan_topic(view: AgentView, radar: Radar) -> Topic:
 def gnss_topics(view: AgentView, gnss: Gnss) -> GnssTopics:
     """Topics of a GNSS receiver."""
     fix = _topic(view, gnss, "fix", "sensor_msgs/msg/NavSatFix")
-    extended_fix = _topic(view, gnss, "extended_fix", GPS_FIX) if gnss.extended_fix else None
+    extended_fix = _topic(view, gnss, "extended_fix", "gps_msgs/msg/GPSFix") if gnss.extended_fix else None
     if gnss.velocity is None:
         return GnssTopics(fix, extended_fix=extended_fix)
     return GnssTopics(

@@ -6,8 +6,6 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.source import map_spec
-from simbev_ros.scene.storyboard.distributions import variations
-from simbev_ros.scene.storyboard.reading import resolve
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 
@@ -38,6 +36,9 @@ def _road_network_of(scenario: str) -> str:
     Raises:
         InputError: The scenario cannot be read, or names none.
     """
+    from simbev_ros.scene.storyboard.distributions import variations  # few plans need it, and it takes 70 ms
+    from simbev_ros.scene.storyboard.reading import resolve
+
     first = variations(Path(scenario), stream(0, "scenario"))[0]
     name = resolve(first.path, first.values).map_name
     if name is None:

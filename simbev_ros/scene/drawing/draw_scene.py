@@ -15,7 +15,6 @@ from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_drive import draw_drive
 from simbev_ros.scene.drawing.draw_events import draw_events
 from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
-from simbev_ros.scene.drawing.draw_storyboard import cast_scenario, first_weather
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
@@ -76,6 +75,8 @@ def draw_scene(
     seed = first_seed + planned.draw * SEEDS_PER_DRAW
     starts, storyboard = start_positions(scenario, network) if starts is None else starts, None
     if planned.scenario:
+        from simbev_ros.scene.drawing.draw_storyboard import cast_scenario, first_weather  # what few scenes need
+
         scenario, storyboard = cast_scenario(scenario, Path(planned.scenario), planned.number, network)
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s

@@ -38,7 +38,6 @@ from simbev_ros.simulation.world.driving.turning_room import TurningRoom
 from simbev_ros.simulation.world.entities import Entities
 from simbev_ros.simulation.world.events.route_events import RouteEvents
 from simbev_ros.simulation.world.population import Population
-from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
 from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 from simbev_ros.simulation.world.sumo.impatience import Impatience
@@ -117,6 +116,8 @@ class Simulation:
             self.entities = Entities(spec.tick_ns / NS_PER_S, self._actors.free_id, heights_m)
             self._storyboard = None
             if spec.storyboard is not None:
+                from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer  # what few scenes need
+
                 self._storyboard = StoryboardPlayer(spec, network, self.entities, self.weather, heights_m)
             self._add_rules(network, step_ns / NS_PER_S)
             delay_ticks = self._actors.commanded_delay_ticks

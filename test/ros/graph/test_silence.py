@@ -29,6 +29,9 @@ class FakeClock:
     def monotonic(self) -> float:
         return self.now_s
 
+    def sleep(self, time_s: float) -> None:
+        self.now_s += time_s
+
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:

@@ -1,6 +1,7 @@
 """``simbev evaluate`` with a dataset alone: drives as recorded or judged again, as tables, JSON and a page."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -145,9 +146,12 @@ def test_only_collisions_count_as_such_in_statistics(tmp_path: Path) -> None:
     assert [each.collisions for each in statistics_of(open_dataset(tmp_path / "bag")).scenes] == [1]
 
 
-def test_a_malformed_score_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("changes", [{"scores": {}}, {"infractions": {"collision": "many"}}, {"driven_m": math.inf}])
+def test_a_malformed_score_is_refused(tmp_path: Path, changes: dict[str, object]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("test_evaluate_drives.drive_figures", lambda _: {"scores": {}})
+        patch.setattr(
+            "test_evaluate_drives.drive_figures", lambda drive, real=drive_figures: {**real(drive), **changes}
+        )
         record(tmp_path / "bag")
-    with pytest.raises(BagError, match="no score of a drive"):
+    with pytest.raises(BagError, match=r"/drive: (no score of a drive|Out of range)"):
         drives_of(open_dataset(tmp_path / "bag").scenes)

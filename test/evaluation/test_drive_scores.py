@@ -1,18 +1,21 @@
 """Scores of drives against hand-computed values and against results that CARLA's own evaluation has published."""
 
+import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
-from simbev_ros.evaluation.driving.figures import drive_figures, mean_figures
+from simbev_ros.evaluation.driving.figures import SCORES, checked_figures, drive_figures, drives_figures, mean_figures
 from simbev_ros.evaluation.driving.infractions import UNITS, Infraction, InfractionKind
 from simbev_ros.evaluation.driving.motion import comfort_variables, is_comfortable
 from simbev_ros.evaluation.driving.rules.pace import SpeedSums
 from simbev_ros.evaluation.driving.scores.bench2drive import bench2drive
 from simbev_ros.evaluation.driving.scores.leaderboard import leaderboard_2_0, leaderboard_2_1
 from simbev_ros.evaluation.driving.scores.nuplan import nuplan
+from simbev_ros.evaluation.driving.tables import score_table
 
 K = InfractionKind
 PERFECT = DriveRecord(
@@ -187,3 +190,33 @@ def test_scores_of_several_drives_are_means_and_infractions_add_up() -> None:
     assert total["scores"]["leaderboard_2_0"]["driving_score"] == pytest.approx((100 + 49 + 100) / 3)
     assert total["scores"]["bench2drive"]["success"] == pytest.approx(2 / 3)
     assert total["scores"]["bench2drive"]["efficiency"] == 100.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"infractions": {"collision": "many"}},
+        {"infractions": {"collision": -1}},
+        {"infractions": ["collision"]},
+        {"completed": np.nan},
+        {"duration_s": np.inf},
+        {"ended": 5},
+        {"scores": {}},
+        {"scores": dict.fromkeys(SCORES, 1.0)},
+        {"scores": {name: {"driving_score": "1"} for name in SCORES}},
+        {"scores": {name: {"driving_score": 10**400} for name in SCORES}},
+    ],
+    ids=str,
+)
+def test_figures_from_elsewhere_that_nothing_could_show_are_refused(changes: dict[str, Any]) -> None:
+    good = json.loads(json.dumps(drive_figures(PERFECT)))
+    assert checked_figures(good) is good
+    with pytest.raises(ValueError, match=r"no score of a drive: \w|Out of range float values"):
+        checked_figures({**good, **changes})
+
+
+def test_figures_with_other_scores_are_shown_as_far_as_they_go() -> None:
+    own, other = drive_figures(PERFECT), {**drive_figures(PERFECT), "scores": {name: {"new": 2.0} for name in SCORES}}
+    figures = drives_figures({"other": checked_figures(other), "own": own})
+    assert (figures["scores"]["nuplan"]["new"], figures["scores"]["nuplan"]["score"]) == (2.0, 1.0)
+    assert [row[2].value for row in score_table(figures["scenes"], figures).rows] == [None, 100.0, 100.0]

@@ -1,9 +1,12 @@
 """Converts a drive to plain values for JSON: what /drive/score carries, and what tables and pages show."""
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from pydantic import BaseModel, FiniteFloat, NonNegativeInt, ValidationError
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
 from simbev_ros.evaluation.driving.scores.bench2drive import bench2drive
@@ -17,6 +20,15 @@ SCORES = {
     "nuplan": nuplan,
 }
 """Functions from a drive to a score by name."""
+
+
+class _Figures(BaseModel):
+    """What readers of a drive's figures rely on."""
+
+    ended: str
+    completed: FiniteFloat
+    infractions: dict[str, NonNegativeInt]
+    scores: dict[str, dict[str, FiniteFloat | None]]
 
 
 def drive_figures(drive: DriveRecord) -> dict[str, Any]:
@@ -40,10 +52,16 @@ def checked_figures(figures: Any) -> Mapping[str, Any]:
     """Figures of a drive from a bag or a message.
 
     Raises:
-        ValueError: They are none.
+        ValueError: They are none, or contain NaN or infinity, which JSON does not allow.
     """
-    if not isinstance(figures, dict) or not {"scores", "infractions", "completed", "ended"} <= figures.keys():
-        raise ValueError("no score of a drive")
+    try:
+        scores = _Figures.model_validate(figures, strict=True).scores
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(f"no score of a drive: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    if missing := SCORES.keys() - scores.keys():
+        raise ValueError(f"no score of a drive: {', '.join(sorted(missing))} is missing")
+    json.dumps(figures, allow_nan=False)
     return figures
 
 
@@ -56,8 +74,9 @@ def mean_figures(drives: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Means of the scores over drives, without undefined values, and sums of the infractions."""
     scores: dict[str, dict[str, float | None]] = {}
     for name in SCORES:
-        for key in drives[0]["scores"][name] if drives else ():
-            known = [drive["scores"][name][key] for drive in drives if drive["scores"][name][key] is not None]
+        for key in dict.fromkeys(key for drive in drives for key in drive["scores"][name]):
+            values = (drive["scores"][name].get(key) for drive in drives)
+            known = [value for value in values if value is not None]
             scores.setdefault(name, {})[key] = math.fsum(known) / len(known) if known else None
     counts: Counter[str] = Counter()
     for drive in drives:

@@ -51,7 +51,7 @@ def described(kind: InfractionKind, value: float) -> str:
 
 
 def _scores(name: str, figures: Mapping[str, Any]) -> list[Cell]:
-    values = [(figures["scores"][score][key], factor) for score, key, factor in _COLUMNS.values()]
+    values = [(figures["scores"][score].get(key), factor) for score, key, factor in _COLUMNS.values()]
     cells = [Cell(CellKind.NUMBER, None if value is None else factor * float(value)) for value, factor in values]
     return [Cell(CellKind.NAME, name), *cells, Cell(CellKind.NAME, str(figures.get("ended", "")) or "–")]
 

@@ -20,7 +20,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
 from simbev_ros.config.evaluation import Evaluation
-from simbev_ros.evaluation.driving.figures import checked_figures, mean_figures
+from simbev_ros.evaluation.driving.figures import checked_figures
 from simbev_ros.evaluation.joint_truth import boxes_in_reach
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits, pose_of
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
@@ -203,9 +203,11 @@ class EvaluatorNode(GraphNode):
             self._join.add_input(tick, received_s(info))
 
     def _on_score(self, message: String) -> None:
-        """Keep the latest score of the scene's drive."""
+        """Keep the score of the scene's drive at the latest tick."""
         score = self.read(topics.DRIVE_SCORE, _score, message.data)
-        if score is not None and self._tick(score["stamp_ns"]) is not None:
+        if score is None or self._tick(score["stamp_ns"]) is None:
+            return
+        if self._drive is None or self._drive["stamp_ns"] <= score["stamp_ns"]:
             self._drive = score
             self._advance()
 
@@ -338,7 +340,6 @@ def _joint_topic(spec: SceneSpec) -> Topic:
 def _score(text: str) -> Mapping[str, Any]:
     """A score of a drive. Raises ValueError, KeyError or TypeError if it is none."""
     figures = checked_figures(parse_json(text))
-    mean_figures([figures])  # whether it has numbers
     return {**figures, "stamp_ns": int(figures["stamp_ns"])}
 
 

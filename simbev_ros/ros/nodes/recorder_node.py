@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -182,7 +183,7 @@ class RecorderNode(GraphNode):
             return
         if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
-        if topic == topics.DRIVE_SCORE:
+        if topic == topics.DRIVE_SCORE and stamp_ns >= self._score[0]:
             self._score = stamp_ns, bytes(payload)
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and self._manifest[topic].sporadic:  # its tick has already been written
@@ -323,7 +324,7 @@ def _stamped(payload: bytes, topic: Topic, spec: SceneSpec, makers: Mapping[str,
 def _infractions(payload: bytes) -> int:
     """Number of infractions up to a score."""
     counts: dict[str, int] = parse_json(bytes(text_of_string(memoryview(payload))))["infractions"]
-    return sum(counts.values())
+    return sum(map(index, counts.values()))
 
 
 def _schedule(topic: Topic) -> Schedule:

@@ -49,7 +49,7 @@ def write_drive_report(
         InputError: The file cannot be written.
     """
     by_name = {scene.name: scene for scene in scenes}
-    head = key_figures([(text_of(means["scores"][score][key]), name) for name, (score, key) in _HEADS.items()])
+    head = key_figures([(text_of(means["scores"][score].get(key)), name) for name, (score, key) in _HEADS.items()])
     scores, *counts = (html_table(table) for table in drive_tables(drives, means))
     legend = "".join(f'<span><i class="{kind}"></i>{caption}</span>' for kind, caption in _KINDS.items())
     cards = "".join(_cards(by_name[drive.scene], drive) for drive in drives)

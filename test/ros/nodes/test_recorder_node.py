@@ -1,6 +1,7 @@
 """The recorder node: the bag of a drive is closed once the last score has arrived, however late that is."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,7 @@ def test_a_score_and_infractions_after_the_last_tick_close_the_bag(recorder: Any
     assert recorder._writer is not None
     score = record_message({"infractions": {"standstill": events} if events else {}}, SCENE.stamp_ns(LAST))
     receive(recorder, topics.DRIVE_SCORE, LAST, score)
+    receive(recorder, topics.DRIVE_SCORE, 0, record_message({"infractions": {}}, SCENE.stamp_ns(0)))  # too late
     if events:
         assert recorder._writer is not None
         receive(recorder, topics.DRIVE_EVENTS, LAST, record_message({"kind": "standstill"}, SCENE.stamp_ns(LAST)))
@@ -64,3 +66,12 @@ def test_a_score_and_infractions_after_the_last_tick_close_the_bag(recorder: Any
     with SceneBag(path) as bag:
         assert bag.custom_data["complete"] == "true"
         assert json.loads(bag.custom_data["recorded"])["/drive/events"] == events
+
+
+def test_an_impossible_number_of_infractions_is_not_waited_for(recorder: Any) -> None:
+    recorder._on_end(String())
+    for tick in range(LAST + 1):
+        receive(recorder, topics.CLOCK, tick, Clock(clock=time_message(SCENE.stamp_ns(tick))))
+    score = record_message({"infractions": {"standstill": math.inf}}, SCENE.stamp_ns(LAST))
+    receive(recorder, topics.DRIVE_SCORE, LAST, score)
+    assert recorder._writer is None

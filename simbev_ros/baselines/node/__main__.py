@@ -22,14 +22,15 @@ def main() -> int:
     own, of_ros = split_ros_arguments(sys.argv[1:])
     options = _parser().parse_args(own)
     node: BaselineNode | None = None
-    code = 0
+    code = 1
     try:
         baseline = load_baseline(Modality(options.modality), options.weights)
         rclpy.init(args=["--ros-args", *of_ros])
         node = BaselineNode(baseline, tracks=options.track)
         rclpy.spin(node)
+        code = 0
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        code = 0
     except InputError as error:
         print(f"{ERROR_MARK}{error}", file=sys.stderr)
         code = error.exit_code

@@ -21,6 +21,11 @@ def test_a_process_exits_while_native_code_keeps_pythons_lock(code: int, sleep_s
     assert subprocess.run(command, check=False, timeout=400).returncode == expected
 
 
+def test_a_block_runs_on_a_system_without_timers() -> None:
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_SIGPENDING, (0, 0)); {WAITING.strip()}"
+    assert subprocess.run([sys.executable, "-c", limited, "0.2", "2", "0"], check=False, timeout=400).returncode == 5
+
+
 def test_a_block_that_was_fast_enough_leaves_no_timer() -> None:
     from simbev_ros.ros.nodes.lifeline import exiting_after
 

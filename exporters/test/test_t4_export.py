@@ -28,6 +28,7 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import Extra
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.legend import legend
 from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.nuscenes import nuscenes_names, point_labels
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, Light
@@ -321,3 +322,16 @@ def test_a_damaged_scene_leaves_nothing(tmp_path: Path) -> None:
     assert made.spec.ticks == 4
     done = export(tmp_path / "set", tmp_path / "out")
     assert list(done.failures) == ["Blocks-0000"] and not (tmp_path / "out/Blocks-0000").exists()
+
+
+def test_a_scene_with_impossible_content_does_not_keep_others_from_being_exported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_up_scene(tmp_path / "set/scenes/val/Blocks-0001", number=1, split="val", ticks=4)
+    complete = legend()
+    monkeypatch.setattr("made_up_scene.legend", lambda: {**complete, "blueprints": complete["blueprints"][:1]})
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=4)
+    done = export(tmp_path / "set", tmp_path / "out")
+    assert list(done.failures) == ["Blocks-0000"] and not (tmp_path / "out/Blocks-0000").exists()
+    assert "Blocks-0000: cannot be exported: IndexError" in done.failures["Blocks-0000"]
+    assert (tmp_path / "out/Blocks-0001/annotation/scene.json").is_file()

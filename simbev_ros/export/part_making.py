@@ -9,7 +9,7 @@ from simbev_ros import __version__
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.recording.layout import bytes_of, mcap_files
 
@@ -90,4 +90,6 @@ def _problem_of(make: Callable[[P], None], part: P) -> str | None:
         make(part)
     except BagError as error:
         return str(error)
+    except FOREIGN_ERRORS as error:  # content that is not what its type says
+        return f"{part.scene.path}: cannot be exported: {error!r:.200}"
     return None

@@ -154,6 +154,15 @@ def test_bad_input_is_explained(source: Path, tmp_path: Path) -> None:
         export_packages(config, tmp_path, "Big-1")
     with pytest.raises(InputError, match="agent: of a configuration only the first agent, truck, is described"):
         export_packages(config, tmp_path, "big", "second")
-    (tmp_path / "wrong.yaml").write_text(CONFIG.replace("vehicle.box_truck", "vehicle.ship"))
-    with pytest.raises(InputError, match=r"vehicle\.ship"):
-        export_packages(str(tmp_path / "wrong.yaml"), tmp_path, "big")
+    for name in ("vehicle.ship", "trailer.semi", "pedestrian.man.suit.balding"):
+        (tmp_path / "wrong.yaml").write_text(CONFIG.replace("vehicle.box_truck", name))
+        with pytest.raises(InputError, match=f"there is no vehicle '{name}'"):
+            export_packages(str(tmp_path / "wrong.yaml"), tmp_path, "big")
+
+
+def test_a_bag_with_an_unknown_vehicle_is_refused(tmp_path: Path) -> None:
+    spec = made_up_spec([])
+    vehicles = (spec.vehicles[0].model_copy(update={"blueprint": "vehicle.ship"}), *spec.vehicles[1:])
+    record_made_up(tmp_path / "bag", spec.model_copy(update={"vehicles": vehicles}))
+    with pytest.raises(InputError, match=r"there is no vehicle 'vehicle\.ship'"):
+        export_packages(str(tmp_path / "bag"), tmp_path, "big")

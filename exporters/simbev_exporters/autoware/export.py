@@ -59,9 +59,7 @@ def _carrier(source: str, agent: str | None) -> tuple[Rig, Blueprint]:
         raise InputError(
             f"of a configuration only the first agent, {scenario.rig.agent}, is described", parameter="agent"
         )
-    if scenario.ego.blueprint not in blueprint_index():
-        raise InputError(f"{source}: there is no vehicle {scenario.ego.blueprint!r}")
-    return scenario.rig, blueprint_named(scenario.ego.blueprint)
+    return scenario.rig, _vehicle(source, scenario.ego.blueprint)
 
 
 def _recorded_carrier(source: Path, agent: str | None) -> tuple[Rig, Blueprint]:
@@ -74,4 +72,10 @@ def _recorded_carrier(source: Path, agent: str | None) -> tuple[Rig, Blueprint]:
     view = (scene if agent is None else scene.of_agent(agent)).view
     if view.vehicle is None:
         raise InputError(f"{view.agent} is a roadside unit, which no vehicle carries", parameter="agent")
-    return view.rig, blueprint_named(view.vehicle.blueprint)
+    return view.rig, _vehicle(scene.path, view.vehicle.blueprint)
+
+
+def _vehicle(source: object, name: str) -> Blueprint:
+    if name not in blueprint_index() or blueprint_named(name).kind != "vehicle":
+        raise InputError(f"{source}: there is no vehicle {name!r}")
+    return blueprint_named(name)

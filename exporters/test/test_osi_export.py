@@ -297,7 +297,11 @@ def test_without_the_simulator_there_are_no_lanes(tmp_path: Path, monkeypatch: p
 
 def test_without_osi_python_the_command_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(osi_command, "find_spec", lambda name: None)
+    monkeypatch.delenv("SIMBEV_COMMAND", raising=False)
     with pytest.raises(InputError, match=r"needs osi-python; .* -m pip install '\./exporters\[osi\]'"):
+        osi_command.export_osi(tmp_path, tmp_path / "out")
+    monkeypatch.setenv("SIMBEV_COMMAND", "./simbev")
+    with pytest.raises(InputError, match=r"install it: \./simbev setup osi$"):
         osi_command.export_osi(tmp_path, tmp_path / "out")
 
 

@@ -8,7 +8,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tools.lock import BASE, BUILD, FOLDER, OF_KILTED, VARIANTS, WHOLE, _entries, inputs_digest, wanted_groups
+from tools.lock import BASE, BUILD, FOLDER, OF_KILTED, VARIANTS, WHOLE, _entries, groups, inputs_digest, wanted_groups
 
 ROOT = Path(__file__).parents[2]
 
@@ -66,3 +66,11 @@ def test_the_script_takes_the_groups_that_it_needs(text: str, tmp_path: Path) ->
     assert {"numpy", "opencv-python-headless", "rosbags"} <= set(chosen)
     assert not {"eclipse-sumo", "pytest", "pip", "ray"} & set(chosen)
     assert chosen["numpy"] == _entries(text)["numpy"]
+
+
+def test_set_up_offers_the_extras_of_both_distributions() -> None:
+    listing = re.search(r"^    offered=.*?^    \} \|.*?$", (ROOT / "simbev").read_text(), re.MULTILINE | re.DOTALL)
+    assert listing is not None
+    script = f'here=$1\n{listing[0]}\nprintf %s "$offered"'
+    done = subprocess.run(["sh", "-c", script, "sh", str(ROOT)], capture_output=True, text=True, check=True)
+    assert sorted(done.stdout.split()) == sorted(groups().keys() - {BASE, BUILD})

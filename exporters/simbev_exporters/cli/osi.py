@@ -1,5 +1,7 @@
 """``simbev export osi``: writes the ground truth of a dataset as trace files of ASAM OSI."""
 
+import os
+import shlex
 import sys
 from importlib.util import find_spec
 
@@ -59,5 +61,7 @@ def export_osi(
 def _require_osi() -> None:
     """Refuse to export without OSI's classes."""
     if find_spec("osi3") is None:
-        remedy = f"{sys.executable} -m pip install './exporters[osi]'"
-        raise InputError(f"simbev export osi needs osi-python; install it in the repository: {remedy}")
+        setup = os.environ.get("SIMBEV_COMMAND")
+        pip = f"{shlex.quote(sys.executable)} -m pip install './exporters[osi]' # in the repository"
+        remedy = f"{shlex.quote(setup)} setup osi" if setup else pip
+        raise InputError(f"simbev export osi needs osi-python; install it: {remedy}")

@@ -141,7 +141,7 @@ class EvaluatorNode(GraphNode):
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
         self._stack.start_scene(spec)
-        self._drive: Mapping[str, Any] | None = None
+        self._scores = dict[int, Mapping[str, Any]]()
         for topic in topics.referee_topics(spec) if self._evaluated.index == 0 else ():
             if topic.name == topics.DRIVE_SCORE:
                 self._subscribe(topic, self._on_score)
@@ -203,19 +203,17 @@ class EvaluatorNode(GraphNode):
             self._join.add_input(tick, received_s(info))
 
     def _on_score(self, message: String) -> None:
-        """Keep the score of the scene's drive at the latest tick."""
+        """Keep a score of the scene's drive."""
         score = self.read(topics.DRIVE_SCORE, _score, message.data)
-        if score is None or self._tick(score["stamp_ns"]) is None:
-            return
-        if self._drive is None or self._drive["stamp_ns"] <= score["stamp_ns"]:
-            self._drive = score
+        if score is not None and (tick := self._tick(score["stamp_ns"])) is not None:
+            self._scores[tick] = score
             self._advance()
 
     def _has_last_score(self, spec: SceneSpec) -> bool:
         """Whether the score at the end of a drive has arrived, if one is due; live, the referee may be late."""
         if self.live or topics.DRIVE_SCORE not in self._subscriptions_by_topic or spec.drive is None:
             return True
-        return self._drive is not None and self._drive["stamp_ns"] == spec.stamp_ns(self._join.finished_tick)
+        return self._join.finished_tick in self._scores
 
     def _tick(self, stamp_ns: int) -> int | None:
         """Tick of a stamp of this scene; None for the lead-in and for other scenes."""
@@ -308,7 +306,8 @@ class EvaluatorNode(GraphNode):
     def _finish_scene(self, spec: SceneSpec) -> None:
         """Write the figures of all scenes up to now, or those of this one (see the parameters)."""
         self._publish_figures(spec)
-        self._scenes.append(self._live_evaluation.finish(self._join.counts, self._drive))
+        scored = max((tick for tick in self._scores if tick <= self._join.finished_tick), default=-1)
+        self._scenes.append(self._live_evaluation.finish(self._join.counts, self._scores.get(scored)))
         self._spec = None
         for path in self._files:
             if path.suffix == ".json":

@@ -93,7 +93,7 @@ class RecorderNode(GraphNode):
         self.close()
         self._spec = spec = SceneSpec.from_json(scene_json)
         self._end, self._lead_in, self._clock_ns = None, [], -1
-        self._score = (-1, b"")
+        self._scores = dict[int, bytes]()
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics)
         typed = typed_topics(spec) if "messages" in self._recording.forms else radar_scans(spec)
@@ -183,8 +183,8 @@ class RecorderNode(GraphNode):
             return
         if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
-        if topic == topics.DRIVE_SCORE and stamp_ns >= self._score[0]:
-            self._score = stamp_ns, bytes(payload)
+        if topic == topics.DRIVE_SCORE:
+            self._scores[stamp_ns] = bytes(payload)
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and self._manifest[topic].sporadic:  # its tick has already been written
             self._writer.write(topic, stamp_ns, payload)
@@ -246,8 +246,7 @@ class RecorderNode(GraphNode):
         """Whether the score at the end of a drive, if there is one, has arrived; it tells the number of infractions."""
         if topics.DRIVE_SCORE not in self._manifest:
             return True
-        stamp_ns, payload = self._score
-        if stamp_ns != spec.stamp_ns(end.tick):
+        if (payload := self._scores.get(spec.stamp_ns(end.tick))) is None:
             return False
         if (infractions := self.read(topics.DRIVE_SCORE, _infractions, payload)) is not None:
             self._accounting.announce(topics.DRIVE_EVENTS, infractions)

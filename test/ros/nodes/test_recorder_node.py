@@ -57,7 +57,9 @@ def test_a_score_and_infractions_after_the_last_tick_close_the_bag(recorder: Any
     assert recorder._writer is not None
     score = record_message({"infractions": {"standstill": events} if events else {}}, SCENE.stamp_ns(LAST))
     receive(recorder, topics.DRIVE_SCORE, LAST, score)
-    receive(recorder, topics.DRIVE_SCORE, 0, record_message({"infractions": {}}, SCENE.stamp_ns(0)))  # too late
+    receive(
+        recorder, topics.DRIVE_SCORE, 0, record_message({"infractions": {}}, SCENE.stamp_ns(0))
+    )  # from another node
     if events:
         assert recorder._writer is not None
         receive(recorder, topics.DRIVE_EVENTS, LAST, record_message({"kind": "standstill"}, SCENE.stamp_ns(LAST)))

@@ -323,7 +323,9 @@ def _stamped(payload: bytes, topic: Topic, spec: SceneSpec, makers: Mapping[str,
 def _infractions(payload: bytes) -> int:
     """Number of infractions up to a score."""
     counts: dict[str, int] = parse_json(bytes(text_of_string(memoryview(payload))))["infractions"]
-    return sum(map(index, counts.values()))
+    if any(index(count) < 0 for count in counts.values()):
+        raise ValueError("its numbers of infractions cannot be negative")
+    return sum(counts.values())
 
 
 def _schedule(topic: Topic) -> Schedule:

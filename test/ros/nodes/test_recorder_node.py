@@ -70,10 +70,12 @@ def test_a_score_and_infractions_after_the_last_tick_close_the_bag(recorder: Any
         assert json.loads(bag.custom_data["recorded"])["/drive/events"] == events
 
 
-def test_an_impossible_number_of_infractions_is_not_waited_for(recorder: Any) -> None:
+@pytest.mark.parametrize("count", [math.inf, math.nan, -1, "many"])
+def test_an_impossible_number_of_infractions_is_not_announced(recorder: Any, count: object) -> None:
     recorder._on_end(String())
     for tick in range(LAST + 1):
         receive(recorder, topics.CLOCK, tick, Clock(clock=time_message(SCENE.stamp_ns(tick))))
-    score = record_message({"infractions": {"standstill": math.inf}}, SCENE.stamp_ns(LAST))
+    score = record_message({"infractions": {"standstill": count}}, SCENE.stamp_ns(LAST))
     receive(recorder, topics.DRIVE_SCORE, LAST, score)
     assert recorder._writer is None
+    assert recorder._accounting.report().topics[topics.DRIVE_EVENTS].expected == 0

@@ -79,6 +79,7 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         features=replace(parts.features, objects=objects),
         seed=spec.seed,
         findings=findings,
+        origin_m=parts.origin_m,
     )
     write_network(network, folder)
     shutil.rmtree(work)

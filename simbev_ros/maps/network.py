@@ -137,6 +137,7 @@ class RoadNetwork:
         features: The land around the roads.
         seed: Random seed for everything that the map does not prescribe.
         findings: What was left out, repaired or assumed.
+        origin_m: Coordinates of the map frame's origin in the map's file.
     """
 
     name: str
@@ -150,6 +151,7 @@ class RoadNetwork:
     features: MapFeatures
     seed: int
     findings: tuple[Finding, ...] = ()
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ class MapParts:
         opendrive_of_net: netconvert made the OpenDRIVE file from the net, and named the traffic lights in it.
         findings: What was left out, repaired or assumed.
         extract: OpenStreetMap file with the part of the map's file that was read; None: all of it was.
+        origin_m: Coordinates of the map frame's origin in the map's file.
     """
 
     net: Path
@@ -32,3 +33,4 @@ class MapParts:
     opendrive_of_net: bool = True
     findings: tuple[Finding, ...] = ()
     extract: Path | None = None
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

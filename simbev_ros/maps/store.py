@@ -34,6 +34,7 @@ def write_network(network: RoadNetwork, folder: Path) -> None:
     header = {
         "name": network.name,
         "datum": asdict(network.datum),
+        "origin_m": network.origin_m,
         "corner_radius_m": network.layout.corner_radius_m,
         "surroundings": network.features.surroundings.model_dump_json(),
         "relief": network.features.relief.model_dump_json(),
@@ -142,6 +143,7 @@ def _network(folder: Path, header: Mapping[str, Any], columns: Mapping[str, AnyA
         junctions={junction.id: junction for junction in table("junctions", Junction)},
         signals=table("signals", Signal),
         datum=MapDatum(**header["datum"]),
+        origin_m=tuple(header["origin_m"]),
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,
         layout=Layout(

@@ -112,4 +112,6 @@ def test_large_coordinates_are_recentered_and_keep_their_position_on_earth(tmp_p
     truth = Transformer.from_crs("EPSG:32632", "EPSG:4326", always_xy=True).transform(691_000.25, 5_335_000.5)
     assert gap_m(parts, tuple(strip.left_m[0]), *truth) < 0.01
     assert 'x="691000.25"' not in parts.opendrive.read_text(encoding="utf-8")
+    assert parts.origin_m == (np.round(parts.origin_m[0]), np.round(parts.origin_m[1]), 0.0)
+    np.testing.assert_allclose(strip.left_m[0, :2] + parts.origin_m[:2], (691_000.25, 5_335_000.5), atol=10.0)
     assert any("far from its origin" in note for note in sentences_of("sample.xodr", parts.findings))

@@ -97,6 +97,7 @@ def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) 
     text = re.sub(r'( shape=)"([^"]*)"', moved, grid)
     text = re.sub(r' x="([^"]*)"', lambda match: f' x="{float(match[1]) + 90000}"', text)
     parts = import_net(text)
+    assert parts.origin_m == (90200.0, 0.0, 0.0)
     assert "it lies far from its origin: map (0, 0, 0) is 90200, 0, 0 there" in sentences_of(
         "a.net.xml", parts.findings
     )

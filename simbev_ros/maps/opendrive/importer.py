@@ -56,7 +56,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     notes = Findings(path)
     root = parse(path, "OpenDRIVE")
     keep_leading_numbers(root, notes)
-    is_recentered = recenter(root, notes)
+    origin_m = recenter(root, notes)
     document = _with_roads_outside_junctions(read_document(path, root, notes), notes)
     links = LaneLinks(document)
     shapes = {shape.key: shape for shape in lane_shapes(document, notes)}
@@ -89,8 +89,8 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     )
     features = features_of(strips, *objects_of(document, notes), notes)
     datum = datum_of(root, notes)
-    opendrive = _write(path, document, is_recentered, work)
-    return MapParts(net, opendrive, datum, features, layout, opendrive_of_net=False, findings=notes.all())
+    opendrive = _write(path, document, any(origin_m), work)
+    return MapParts(net, opendrive, datum, features, layout, False, notes.all(), origin_m=origin_m)
 
 
 def _with_roads_outside_junctions(document: Document, notes: Findings) -> Document:

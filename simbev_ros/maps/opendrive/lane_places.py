@@ -87,12 +87,10 @@ class Roads:
         return RoadPoint(place.road, place.s_m, self.lane_t_m(place.road, place.lane, place.s_m) + place.offset_m)
 
     def lane_t_m(self, road_id: str, lane: int, s_m: float) -> float:
-        """T of a lane's center line; of the center line of the road for lane 0. Raises KeyError if there is none."""
+        """T of a lane's center line; raises KeyError if there is no such lane."""
         road = self._roads[road_id]
         at_m = np.array([min(max(s_m, 0.0), road.length_m)])
         center_m = float(road.offset(at_m)[0])
-        if lane == 0:
-            return center_m
         section = self._section(road, lane > 0, s_m)
         position = next((index for index, each in enumerate(section.lanes) if each.id == lane), None)
         if position is None:
@@ -174,10 +172,10 @@ class Roads:
             along_s: The distance is along reference lines instead.
 
         Returns:
-            None if the lane ends before.
+            None if the lane ends before, or it is very far.
         """
         left_m = distance_m
-        while True:
+        while abs(distance_m) <= _MAX_DISTANCE_M:
             road = self._roads[place.road]
             direction = math.copysign(1.0, left_m) * (1.0 if place.forward else -1.0)
             end_m = _next_break_m(road, place.s_m, direction)
@@ -205,6 +203,7 @@ class Roads:
                 place.offset_m if same else -place.offset_m,
                 inward == (left_m >= 0.0),
             )
+        return None
 
     def distance_m(self, start: LanePlace, end: RoadPoint) -> float | None:
         """Distance along the roads from a place to a point ahead of it (positive) or behind; None: no road leads there.

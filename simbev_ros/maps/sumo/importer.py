@@ -54,7 +54,7 @@ def import_sumo(path: Path, work: Path) -> MapParts:
     root = parse(path, "net")
     file = NetFile(path, root)
     file.repair()
-    datum = _transform_to_map_frame(path, root, file)
+    datum, origin_m = _transform_to_map_frame(path, root, file)
     options = [*_OPTIONS]
     if sum(float(lane.get("length", 0.0)) for lane in file.lanes() if _is_for_pedestrians(lane)) < _MIN_WALKED_M:
         options += _GUESS_SIDEWALKS
@@ -68,7 +68,7 @@ def import_sumo(path: Path, work: Path) -> MapParts:
         netconvert.run_netconvert([f"--sumo-net-file={source}", *options], net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    return MapParts(net, opendrive, datum, MapFeatures(_SURROUNDINGS), findings=file.findings.all())
+    return MapParts(net, opendrive, datum, MapFeatures(_SURROUNDINGS), findings=file.findings.all(), origin_m=origin_m)
 
 
 def _is_for_pedestrians(lane: Element) -> bool:
@@ -76,8 +76,11 @@ def _is_for_pedestrians(lane: Element) -> bool:
     return lane.get("allow", "") in ("pedestrian", "pedestrian wheelchair")
 
 
-def _transform_to_map_frame(path: Path, root: Element, file: NetFile) -> MapDatum:
-    """Transform the net's coordinates to a map frame at its own origin, or at its middle if that is far away."""
+def _transform_to_map_frame(path: Path, root: Element, file: NetFile) -> tuple[MapDatum, tuple[float, float, float]]:
+    """Transform the net's coordinates to a map frame at its own origin, or at its middle if that is far away.
+
+    Returns the datum and that origin in the net's coordinates.
+    """
     location = root.find("location")
     low_m, high_m = file.extent_m()
     extent_m = float((high_m - low_m).max())
@@ -95,7 +98,7 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile) -> MapDatu
     if projection is None or location is None:
         file.findings.assumed("it has no projection: GNSS uses 0° N 0° E for its origin")
         file.transform(lambda xyz_m: xyz_m - origin_m)
-        return _UNKNOWN
+        return _UNKNOWN, tuple(origin_m.tolist())
     to_geodetic = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
     offset_m = np.array([*_offset(path, location), 0.0])
     longitude, latitude = to_geodetic.transform(*(origin_m - offset_m)[:2])
@@ -116,7 +119,7 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile) -> MapDatu
         )
     file.transform(map_from_net)
     location.attrib.update(netOffset="0.00,0.00", projParameter=datum.proj_string)
-    return datum
+    return datum, tuple(origin_m.tolist())
 
 
 def _projection(path: Path, location: Element | None) -> CRS | None:

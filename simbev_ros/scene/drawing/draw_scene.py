@@ -7,6 +7,7 @@ from typing import NamedTuple, TypedDict
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
+from simbev_ros.foundation.errors import foreign_content
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
@@ -77,7 +78,8 @@ def draw_scene(
     if planned.scenario:
         from simbev_ros.scene.drawing.draw_storyboard import cast_scenario, first_weather  # what few scenes need
 
-        scenario, storyboard = cast_scenario(scenario, Path(planned.scenario), planned.number, network)
+        with foreign_content(planned.scenario):
+            scenario, storyboard = cast_scenario(scenario, Path(planned.scenario), planned.number, network)
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     agents, drive = draw_drive(scenario, seed, network, draw_agents(scenario, seed, network, starts, duration_s))

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
-from simbev_ros.scene.storyboard.bodies import Pose, body_of, mover_on
+from simbev_ros.scene.storyboard.bodies import Body, Pose, body_of, mover_on
 from simbev_ros.scene.storyboard.distributions import variations
 from simbev_ros.scene.storyboard.environment import weather_of
 from simbev_ros.scene.storyboard.model import Element, elements_in
@@ -23,6 +23,7 @@ from simbev_ros.scene.storyboard.reading import read_resolved, resolve
 from simbev_ros.schema.scene.storyboard_spec import CastSpec, StoryboardSpec
 
 _LOGGER = logging.getLogger(__name__)
+_OFF_LANE_M, _FAR_M, _MAX_NAMES = 5.0, 40.0, 20
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle")
 _PREFIXES: Mapping[str, tuple[str, ...]] = {
     "car": ("car",),
@@ -69,15 +70,15 @@ def blueprint_of(body: Element) -> Blueprint:
     return min(choice, key=lambda each: float(np.abs((np.array(each.size_m) - wanted_m) * weight).sum()))
 
 
-def ego_of(entities: Iterable[Element]) -> Element:
+def ego_of(scenario: Element) -> Element:
     """The entity that is the first agent's vehicle: by its name, a property or its controller, else the first vehicle.
 
     Raises:
         InputError: There is no vehicle.
     """
-    vehicles = [each for each in entities if each.body.kind == "Vehicle"]
+    vehicles = [each for each in scenario.entities if each.body.kind == "Vehicle"]
     if not vehicles:
-        raise InputError("it has no vehicle that could be the first agent's")
+        raise InputError(f"{scenario.origin}: it has no vehicle that could be the first agent's")
 
     def says_ego(entity: Element) -> bool:
         properties = [
@@ -108,7 +109,7 @@ def cast_scenario(config: Scenario, file: Path, number: int, network: RoadNetwor
     found = variations(file, stream(config.seed, "scenario"))
     resolved = resolve(found[number % len(found)].path, found[number % len(found)].values)
     scenario = resolved.scenario
-    ego = ego_of(scenario.entities)
+    ego = ego_of(scenario)
     entities = [ego, *(each for each in scenario.entities if each is not ego)]
     cast = [CastSpec(name=each.name, blueprint=blueprint_of(each.body).name) for each in entities]
     for entity, member in zip(entities, cast, strict=True):
@@ -117,7 +118,9 @@ def cast_scenario(config: Scenario, file: Path, number: int, network: RoadNetwor
             "%s: %s (%.2f x %.2f x %.2f m) is played by %s (%.2f x %.2f x %.2f m)",
             *(file.name, entity.name, asked.length_m, asked.width_m, asked.height_m, member.blueprint, *own_m),
         )
-    start, *route = _route_of(scenario, ego, network)
+    for note in resolved.notes:
+        _LOGGER.info("%s: %s", file.name, note)
+    start, *route = _route_of(config, file.name, scenario, ego, network)
     vehicle = config.ego.model_copy(update={"blueprint": cast[0].blueprint, "spawn": (start,), "route": ()})
     drive = config.drive
     if drive is not None and (not route or config.ego.driver == "traffic"):
@@ -137,17 +140,20 @@ def first_weather(storyboard: StoryboardSpec, datum: MapDatum) -> dict[str, floa
     return {name: value for each in environments for name, value in weather_of(each, datum).items()}
 
 
-def _route_of(scenario: Element, ego: Element, network: RoadNetwork) -> list[SpawnPose]:
+def _route_of(config: Scenario, file: str, scenario: Element, ego: Element, network: RoadNetwork) -> list[SpawnPose]:
     """Poses on lanes: the start of the first agent after ``Init``, and the route or position that it is given first."""
-    mover = mover_on(network)
     bodies = {each.name: body_of(each, blueprint_of(each.body)) for each in scenario.entities}
-    positions = Positions(mover, bodies, network.datum)
-    privates = [(each.entity_ref, action) for each in scenario.storyboard.init.privates for action in each.actions]
-    for name, action in privates:
-        if action.kind == "TeleportAction":
-            mover.put(bodies[name], positions.pose(action.position))
+    positions, init = Positions(mover_on(network), bodies, network.datum, network.origin_m), scenario.storyboard.init
+    positions.enter(init)
+    positions.check(scenario)
     body = bodies[ego.name]
-    own = [action for name, action in privates if name == ego.name]
+    if not body.is_present:
+        raise InputError(f"{ego.origin}: no TeleportAction in <Init> puts {ego.name}, the first agent, anywhere")
+    _tell_misfits(file, scenario, [each for each in bodies.values() if each.is_present], network)
+    if config.ego.driver != "traffic":
+        words = "%s: %s is driven from outside (%s): it starts from rest in the middle of the nearest lane"
+        _LOGGER.info(words, file, ego.name, config.ego.driver)
+    own = [action for each in init.privates if each.entity_ref == ego.name for action in each.actions]
     groups = [group for story in scenario.storyboard.stories for act in story.acts for group in act.maneuver_groups]
     acting = [group for group in groups if ego.name in {each.entity_ref for each in group.actors.entities}]
     given = [each for group in acting for each in elements_in(group)]
@@ -165,3 +171,19 @@ def _route_of(scenario: Element, ego: Element, network: RoadNetwork) -> list[Spa
         SpawnPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_deg=math.degrees(math.remainder(yaw_rad, math.tau)))
         for (x_m, y_m, z_m), yaw_rad in zip(lanes.position_m.tolist(), lanes.yaw_rad.tolist(), strict=True)
     ]
+
+
+def _tell_misfits(file: str, scenario: Element, bodies: Sequence[Body], network: RoadNetwork) -> None:
+    """Log which entities are far from any lane, and which signals the map does not have."""
+    at_m = np.nan_to_num(np.array([body.position_m for body in bodies]))
+    lanes = network.nearest_lane(at_m, np.array([body.yaw_rad for body in bodies]))
+    for body, off_m in zip(bodies, np.hypot(*(lanes.position_m - at_m)[:, :2].T).tolist(), strict=True):
+        if off_m > (_OFF_LANE_M if body.kind == "vehicle" else _FAR_M):
+            _LOGGER.warning("%s: %s is put %.0f m from the nearest lane", file, body.name, off_m)
+    heads = {head.opendrive_id for head in network.signals}
+    tests = ("TrafficSignalStateAction", "TrafficSignalCondition")
+    names = [each.name for each in elements_in(scenario.storyboard) if each.kind in tests]
+    controllers = scenario.road_network.signal_controllers
+    names += [state.traffic_signal_id for each in controllers for phase in each.phases for state in phase.states]
+    if unknown := [name for name in dict.fromkeys(names) if name not in heads]:
+        _LOGGER.warning("%s: the map has no signals %s", file, ", ".join(unknown[:_MAX_NAMES]))

@@ -177,11 +177,14 @@ class Mover:
     def drive(self, body: Body, distance_m: float) -> None:
         """Move a body along its lane, or straight ahead, and set its pose."""
         if body.place is not None:
-            following = self.roads.advance(body.place, distance_m, body.route) if distance_m else body.place
-            if following is not None:
-                body.place = following
-                self.pose_on_lane(body)
-                return
+            try:
+                following = self.roads.advance(body.place, distance_m, body.route) if distance_m else body.place
+                if following is not None:
+                    body.place = following
+                    self.pose_on_lane(body)
+                    return
+            except KeyError:  # its lane ends within the road
+                pass
             body.place, body.has_left_road = None, True  # the road ends: straight ahead
         moved_m = body.position_m + np.append(distance_m * body.axes[0], 0.0)
         body.position_m = self.on_ground(np.array([*moved_m[:2], math.nan])) if self._heights_m is not None else moved_m

@@ -99,6 +99,8 @@ def _check_count(element: Element, count: int, parameters: int) -> None:
 def _draws(stochastic: Element, rng: np.random.Generator) -> list[dict[str, Value]]:
     """Random values of the parameters, of as many variations as the file says."""
     _check_count(stochastic, stochastic.number_of_test_runs, len(stochastic.distributions))
+    if stochastic.number_of_test_runs == 0:
+        raise InputError(f"{stochastic.origin}: numberOfTestRuns is '0'; must be at least 1")
     if stochastic.random_seed is not None:
         rng = np.random.default_rng(abs(int(stochastic.random_seed)))
     return [

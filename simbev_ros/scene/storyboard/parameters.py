@@ -25,8 +25,11 @@ RULES: Mapping[str, Callable[[Any, Any], bool]] = {
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
 
 
-def _number(text: str, lowest: float = -math.inf) -> float:
-    if "_" in text or not lowest <= (value := float(text)) or math.isinf(value):
+_MAX_NUMBER = 1e12
+
+
+def _number(text: str, lowest: float = -_MAX_NUMBER) -> float:
+    if "_" in text or not lowest <= (value := float(text)) <= _MAX_NUMBER:
         raise ValueError
     return value
 
@@ -39,13 +42,16 @@ def _integer(text: str, lowest: int = -(2**31), highest: int = 2**31 - 1) -> int
 
 def _time(text: str) -> datetime:
     moment = datetime.fromisoformat(text)
+    if not 1 < moment.year < 9000:  # hours are added to it
+        raise ValueError
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
 _TYPES: Mapping[str, tuple[Callable[[str], Any], str]] = {
     "text": (str, "a text"),
-    "number": (_number, "a finite number"),
-    "amount": (lambda text: _number(text, 0), "a finite number of at least 0"),
+    "number": (_number, f"a finite number of at most {_MAX_NUMBER:g}"),
+    "amount": (lambda text: _number(text, 0), f"a finite number of at least 0 and at most {_MAX_NUMBER:g}"),
+    "positive": (lambda text: _number(text, math.ulp(0.0)), f"a finite number above 0 and at most {_MAX_NUMBER:g}"),
     "integer": (_integer, "an integer of 32 bits"),
     "count": (lambda text: _integer(text, 0, 2**32 - 1), "an integer from 0 to 4294967295"),
     "short": (lambda text: _integer(text, 0, 2**16 - 1), "an integer from 0 to 65535"),

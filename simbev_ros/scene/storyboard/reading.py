@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, indent, tostring
 
 from simbev_ros.config.map_files import expand_home, suffix_of
-from simbev_ros.foundation.errors import foreign_content
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.input_file import is_file
 from simbev_ros.foundation.files.limits import MAX_SCENARIO_ELEMENTS
 from simbev_ros.maps.safe_xml import line_of, parse_text
@@ -22,6 +22,7 @@ from simbev_ros.scene.storyboard.parameters import Value, read_value
 from simbev_ros.scene.storyboard.problems import Problems, listed
 from simbev_ros.scene.storyboard.references import check_references
 from simbev_ros.scene.storyboard.resolving import ResolvedElement, Resolver
+from simbev_ros.schema.scene.storyboard_spec import MAX_DOCUMENT_CHARS
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +34,13 @@ class ResolvedScenario:
         document: The resolved document, which ``read_resolved`` reads.
         map_name: Absolute path of the road network's file, or a name that is not that of a map's file; None if the
             scenario has no road network.
+        notes: What is read in another way than it is written.
     """
 
     scenario: model.Element
     document: str
     map_name: str | None
+    notes: tuple[str, ...] = ()
 
 
 def resolve(path: Path, values: Mapping[str, Value] | None = None) -> ResolvedScenario:
@@ -54,12 +57,16 @@ def resolve(path: Path, values: Mapping[str, Value] | None = None) -> ResolvedSc
     """
     problems = Problems()
     with foreign_content(path):
-        root = Resolver(path, values or {}, problems).resolve()
+        resolver = Resolver(path, values or {}, problems)
+        root = resolver.resolve()
         scenario = _read_scenario(root, problems)
         map_name = _map_name(path, scenario, problems)
         problems.raise_any()
         indent(root)
-        return ResolvedScenario(scenario, tostring(root, encoding="unicode"), map_name)
+        document = tostring(root, encoding="unicode")
+        if len(document) > MAX_DOCUMENT_CHARS:
+            raise InputError(f"{path}: with its catalogs it has more than {MAX_DOCUMENT_CHARS:,} characters")
+        return ResolvedScenario(scenario, document, map_name, (*resolver.notes, *_remarks(scenario)))
 
 
 def read_resolved(text: str) -> model.Element:
@@ -74,6 +81,19 @@ def read_resolved(text: str) -> model.Element:
         scenario = _read_scenario(root, problems)
         problems.raise_any()
         return scenario
+
+
+def _remarks(scenario: model.Element) -> Iterator[str]:
+    """What the table of elements says of them, once each."""
+    told = set()
+    for element in model.elements_in(scenario):
+        for kinds, name, values, words in TABLE["remarks"]:
+            if element.kind in kinds and (not values or getattr(element, name) in values):
+                attribute = next(spec.attribute for spec in SPECS[element.kind] if spec.name == name)
+                remark = f"<{element.kind} {attribute}={str(getattr(element, name))!r:.80}>: {words}"
+                if remark not in told:
+                    yield f"line {element.origin.rpartition(':')[2]}: {remark}"
+                told.add(remark)
 
 
 _DOCUMENT = "the scenario's document"

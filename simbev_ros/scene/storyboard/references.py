@@ -1,11 +1,12 @@
 """Checks the references of a resolved scenario: to entities, parts of the storyboard, parameters and controllers."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
-from simbev_ros.scene.storyboard.model import SPECS, Element, elements_in
+from simbev_ros.scene.storyboard.model import SPECS, TABLE, Element, elements_in
 from simbev_ros.scene.storyboard.parameters import read_value
 from simbev_ros.scene.storyboard.problems import Problems, listed
+from simbev_ros.schema.scene.storyboard_spec import MAX_CAST, MAX_NAME_CHARS
 
 
 def check_references(scenario: Element, problems: Problems) -> None:
@@ -16,6 +17,8 @@ def check_references(scenario: Element, problems: Problems) -> None:
         problems: Receives what is wrong.
     """
     controllers = [item for entity in scenario.entities for item in entity.controllers]
+    types = {item.name: item.parameter_type for item in scenario.parameters}
+    types |= {item.name: item.variable_type for item in scenario.variables}
     names = {
         "entity_ref": dict.fromkeys(entity.name for entity in scenario.entities),
         "parameter_ref": dict.fromkeys(item.name for item in scenario.parameters),
@@ -29,6 +32,12 @@ def check_references(scenario: Element, problems: Problems) -> None:
     for name, count in Counter(entity.name for entity in scenario.entities).items():
         if count > 1:
             problems.add(scenario.origin, f"{count} entities are called {name:.80}")
+        if not 0 < len(name) <= MAX_NAME_CHARS:
+            problems.add(
+                scenario.origin, f"an entity's name has {len(name)} characters; must have 1 to {MAX_NAME_CHARS}"
+            )
+    if len(scenario.entities) > MAX_CAST:
+        problems.add(scenario.origin, f"it has {len(scenario.entities)} entities; allowed are {MAX_CAST}")
     for variable in scenario.variables:
         with problems.noted(variable.origin, f"variable {variable.name:.80}"):
             read_value(variable.variable_type, variable.value)
@@ -42,7 +51,12 @@ def check_references(scenario: Element, problems: Problems) -> None:
             if name is not None and name not in allowed:
                 words = f"{element.kind}.{attribute} is {name!r:.80}, which does not exist"
                 problems.add(element.origin, f"{words}{listed(name, allowed, 'there are')}")
-        _check_values(element, problems)
+        if element.kind in ("ParameterAction", "VariableAction"):
+            _check_change(element, types, problems)
+        else:
+            for is_wrong, words in _faults(element):
+                if is_wrong:
+                    problems.add(element.origin, f"<{element.kind}> {words}")
 
 
 _LEVELS = {"story": "acts", "act": "maneuver_groups", "maneuverGroup": "maneuvers", "maneuver": "events"}
@@ -61,14 +75,39 @@ def _references(elements: Iterable[Element], kind: str, above: tuple[str, ...]) 
             yield from _references(getattr(element, _LEVELS[level]), kind, path)
 
 
-def _check_values(element: Element, problems: Problems) -> None:
-    """Note values of an element that contradict each other."""
-    if element.kind == "Nurbs":
-        number = len(element.control_points) + element.order
-        if len(element.knots) != number or not 2 <= element.order <= len(element.control_points):
-            words = f"<Nurbs> of order {element.order} with {len(element.control_points)} control points"
-            problems.add(
-                element.origin, f"{words} must have {number} knots, not {len(element.knots)}, and no higher order"
-            )
-    elif element.kind == "GeoPosition" and not (abs(element.latitude_deg) <= 90 and abs(element.longitude_deg) <= 180):
-        problems.add(element.origin, "<GeoPosition> is not on Earth; a latitude without Deg is in radians")
+def _check_change(action: Element, types: Mapping[str, str], problems: Problems) -> None:
+    """Note a new value that is not of its parameter's or variable's type, and arithmetic with what is no number."""
+    name = action.parameter_ref if action.kind == "ParameterAction" else action.variable_ref
+    kind = types.get(name, "double")
+    with problems.noted(action.change.origin, action.change.kind):
+        if action.change.kind == "SetAction":
+            read_value(kind, action.change.value)
+        elif kind in ("string", "boolean", "dateTime"):
+            raise ValueError(f"changes a {kind}; must be a number")
+
+
+def _faults(element: Element) -> Iterator[tuple[bool, str]]:
+    """Whether values of an element contradict each other, and how."""
+    match element.kind:
+        case "Nurbs":
+            knots, points, order = [each.value for each in element.knots], len(element.control_points), element.order
+            words = f"of order {order} with {points} control points must have {points + order} knots, not {len(knots)}"
+            yield len(knots) != points + order or not 2 <= order <= points, f"{words}, and no higher order"
+            yield knots != sorted(knots) or knots[:1] == knots[-1:], "must have knots in ascending order"
+        case "Polyline":
+            times_s = [each.time_s for each in element.vertices if each.time_s is not None]
+            yield times_s != sorted(times_s), "must have times in ascending order"
+        case "GeoPosition":
+            on_earth = abs(element.latitude_deg) <= 90 and abs(element.longitude_deg) <= 180
+            yield not on_earth, "is not on Earth; a latitude without Deg is in radians"
+        case "SpeedAction" | "LaneChangeAction":
+            how = element.dynamics
+            is_rate = how.dynamics_dimension == "rate" and how.dynamics_shape != "step"
+            yield is_rate and how.value == 0, "has dynamics with value 0; a rate must be above 0, or its shape step"
+        case "LongitudinalDistanceAction":
+            given = (element.distance_m is not None) + (element.time_gap_s is not None)
+            yield given != 1, "must have a distance or a timeGap, and not both"
+        case "Condition":
+            is_by_entity = element.test.kind in TABLE["unions"]["EntityTest"]
+            words = "must have" if is_by_entity else "must not have"
+            yield is_by_entity is (element.triggering_entities is None), f"{words} TriggeringEntities"

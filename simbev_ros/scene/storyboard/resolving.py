@@ -31,6 +31,8 @@ VERSIONS = ("1.0", "1.1", "1.2", "1.3")
 CATALOG_SUFFIX = ".xosc"
 """Suffix of files of catalogs: other files in a folder are not read, and no message quotes them."""
 
+_CARLA = "CARLA:"
+
 MAX_CATALOG_FILES = 1_000
 """Files of catalogs that are searched."""
 
@@ -63,11 +65,15 @@ class Resolver:
         path: Its file.
         values: Values of its parameters, in place of the declared ones.
         problems: Receives what is wrong.
+
+    Attributes:
+        notes: What is read in another way than it is written, as keys.
     """
 
     def __init__(self, path: Path, values: Mapping[str, Value], problems: Problems) -> None:
         self._path, self._values, self._problems = path, values, problems
         self._elements = self._characters = 0
+        self.notes: dict[str, None] = {}
         self._folders: list[tuple[Path, str]] = []
         self._unread: list[InputError] = []
         self._catalogs: dict[str, dict[str, tuple[Element, Path]]] | None = None
@@ -83,6 +89,9 @@ class Resolver:
         root = self.resolved(source, scope, file, 0)
         for header in root.findall("FileHeader"):
             header.attrib |= {"revMajor": "1", "revMinor": "3"}
+            if (description := header.get("description", "")).startswith(_CARLA):
+                header.attrib["description"] = description.removeprefix(_CARLA)
+                self._mirror(root)
         for declaration in root.findall("ParameterDeclarations/ParameterDeclaration"):
             name = declaration.get("name", "").removeprefix("$")
             declaration[:], declaration.attrib["name"] = [], name
@@ -105,10 +114,34 @@ class Resolver:
         for child in source if source.tag != "CatalogLocations" else ():
             if child.tag == "CatalogReference":
                 copy.append(self._entry(child, scope, file, depth + 1))
-            elif not _is_dropped(child, depth):
+            elif not _is_dropped(child, depth) and not self._is_criterion(child, scope):
                 inner = self._declared(child, scope, file, {}) if depth else scope
                 copy.append(self.resolved(child, inner, file, depth + 1))
         return copy
+
+    def _mirror(self, root: ResolvedElement) -> None:
+        """Turn coordinates and edges as CARLA's ScenarioRunner reads them into those of the standard."""
+        words = "so y points to the right, and conditions without a rising edge hold too, as in ScenarioRunner"
+        self.notes[f"its description begins with {_CARLA} {words}"] = None
+        for element in root.iter():
+            if element.get("conditionEdge") == "rising":
+                element.attrib["conditionEdge"] = "none"
+            for name in TABLE["mirrored"].get(element.tag, ()):
+                with self._problems.noted(getattr(element, "origin", ""), f"{element.tag}.{name}"):
+                    if name in element.attrib:
+                        element.attrib[name] = text_of(-read_value("number", element.attrib[name]))
+
+    def _is_criterion(self, group: Element, scope: Scope) -> bool:
+        """Whether an element is a group of conditions that has a criterion of ScenarioRunner, so it never holds."""
+        for condition in group.iterfind("Condition") if group.tag == "ConditionGroup" else ():
+            test = condition.find("ByValueCondition/ParameterCondition")
+            is_unknown = test is not None and test.get("parameterRef", "") not in scope
+            if is_unknown and condition.get("name", "").startswith("criteria_"):
+                self.notes["conditions criteria_… of no parameter are criteria of ScenarioRunner, and never hold"] = (
+                    None
+                )
+                return True
+        return False
 
     def _require_room(self, elements: int, characters: int, place: str) -> None:
         """Raise InputError if the resolved tree would become too large with more elements and characters."""

@@ -6,12 +6,13 @@ from simbev_ros.config.base import Model
 
 MAX_DOCUMENT_CHARS = 16 << 20
 MAX_CAST = 1000
+MAX_NAME_CHARS = 200
 
 
 class CastSpec(Model):
     """An entity of the scenario, and the model that plays it."""
 
-    name: str = Field(max_length=200)
+    name: str = Field(max_length=MAX_NAME_CHARS)
     blueprint: str = Field(max_length=200)
 
 

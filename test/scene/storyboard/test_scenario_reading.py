@@ -123,6 +123,27 @@ def test_all_problems_are_named_at_once_in_their_order(tmp_path: Path) -> None:
     ]
 
 
+ACTION = SCENARIO[
+    SCENARIO.index("<PrivateAction><LateralAction>") : SCENARIO.index("</Action>\n              <StartTrigger>")
+]
+DISTANCE = '<LongitudinalDistanceAction entityRef="ego" freespace="true" continuous="false"/>'
+VERTEX = '<Vertex time="{}"><Position><WorldPosition x="1" y="2"/></Position></Vertex>'
+KNOTS = "".join(f'<Knot value="{value}"/>' for value in (0, 1, 0, 1))
+NURBS = '<ControlPoint><Position><WorldPosition x="1" y="2"/></Position></ControlPoint>' * 2
+NURBS = f'<Nurbs order="2">{NURBS}{KNOTS}</Nurbs>'
+
+
+def global_action(parameter: str, change: str) -> str:
+    return f'<GlobalAction><ParameterAction parameterRef="{parameter}">{change}</ParameterAction></GlobalAction>'
+
+
+def follow(shape: str) -> str:
+    trajectory = f'<Trajectory name="t" closed="false"><Shape>{shape}</Shape></Trajectory>'
+    timing = '<TimeReference><None/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+    action = f"<FollowTrajectoryAction><TrajectoryRef>{trajectory}</TrajectoryRef>{timing}</FollowTrajectoryAction>"
+    return f"<PrivateAction><RoutingAction>{action}</RoutingAction></PrivateAction>"
+
+
 ERRORS = [
     ({'revMinor="0"': 'revMinor="9"'}, "FileHeader", "the version in <FileHeader> is 1.9; read are 1.0, 1.1, 1.2, 1.3"),
     ({'dynamicsShape="cubic"': 'dynamicsShape="cubik"'}, "cubic", "is 'cubik'; did you mean cubic? allowed: linear,"),
@@ -132,7 +153,11 @@ ERRORS = [
         "dynamicShape is not an attribute that is read; did you mean",
     ),
     ({'name="story"': ""}, 'name="story"', "Story.name is missing"),
-    ({'value="3" dyn': 'value="-3" dyn'}, 'value="3" dyn', "value is '-3'; must be a finite number of at least 0"),
+    (
+        {'value="3" dyn': 'value="-3" dyn'},
+        'value="3" dyn',
+        "value is '-3'; must be a finite number of at least 0 and at most 1e+12",
+    ),
     ({'value="3" dyn': 'value="nan" dyn'}, 'value="3" dyn', "value is 'nan'; must be a finite number"),
     (
         {'entityRef="other" value="9"': 'entityRef="othr" value="9"'},
@@ -192,6 +217,32 @@ ERRORS = [
             )
         },
         *("$runs}", "'act::event', which does not exist; did you mean"),
+    ),
+    ({POSITION: POSITION.replace("-1", "left")}, POSITION, "LanePosition.laneId is 'left'; must be an integer"),
+    ({POSITION: POSITION.replace("50", "1e300")}, POSITION, "LanePosition.s is '1e300'; must be a finite number of at"),
+    (
+        {'cubic" value="3" dynamicsDimension="time"': 'cubic" value="0" dynamicsDimension="rate"'},
+        "<LaneChangeAction>",
+        "<LaneChangeAction> has dynamics with value 0; a rate must be above 0, or its shape step",
+    ),
+    ({TIME: '<SpeedCondition value="1" rule="lessThan"/>'}, 'name="time"', "<Condition> must have TriggeringEntities"),
+    ({'ScenarioObject name="other"': f'ScenarioObject name="{"x" * 201}"'}, None, "name has 201 characters; must have"),
+    (
+        {ACTION: global_action("owner", '<ModifyAction><Rule><AddValue value="1"/></Rule></ModifyAction>')},
+        None,
+        "must be a number",
+    ),
+    ({ACTION: global_action("runs", '<SetAction value="x"/>')}, None, "SetAction is 'x'; must be an integer"),
+    (
+        {ACTION: follow("<Polyline>" + VERTEX.format(3) + VERTEX.format(2) + "</Polyline>")},
+        None,
+        "have times in ascending",
+    ),
+    ({ACTION: follow(NURBS)}, None, "<Nurbs> must have knots in ascending order"),
+    (
+        {ACTION: f"<PrivateAction><LongitudinalAction>{DISTANCE}</LongitudinalAction></PrivateAction>"},
+        None,
+        "must have a distance or a timeGap",
     ),
     ({POSITION: POSITION * 2}, None, "<TeleportAction> must have 1 of WorldPosition or"),
     ({POSITION: ""}, None, "<TeleportAction> must have 1 of WorldPosition or"),

@@ -12,17 +12,17 @@ from simbev_ros.maps.opendrive.reading.datum import offset_of
 _MAX_OFFSET_M = 20_000.0
 
 
-def recenter(root: Element, notes: Findings) -> bool:
+def recenter(root: Element, notes: Findings) -> tuple[float, float, float]:
     """Shift the coordinates of a file to be small, and its <offset> so that the map keeps its position on Earth.
 
     Returns:
-        Whether a shift was necessary.
+        The file's coordinates, as they were, of the new origin; zeros if no shift was necessary.
     """
     header = root.find("header")
     moved = [*root.iterfind("road/planView/geometry"), *root.iterfind("road/signals/signal/positionInertial")]
     positions_m = np.array([xy for element in moved for xy in _xy_m(element)]).reshape(-1, 2)
     if len(positions_m) == 0 or np.abs(np.median(positions_m, axis=0)).max() <= _MAX_OFFSET_M:
-        return False
+        return 0.0, 0.0, 0.0
     x_m, y_m = np.round(np.median(positions_m, axis=0)).tolist()
     for element in moved:
         for xy in _xy_m(element):
@@ -32,7 +32,7 @@ def recenter(root: Element, notes: Findings) -> bool:
     try:
         offset_x_m, offset_y_m, _, heading_rad = offset_of(header)
     except Malformed:
-        return True
+        return x_m, y_m, 0.0
     offset = header.find("offset")
     offset = SubElement(header, "offset", z="0", hdg="0") if offset is None else offset
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
@@ -44,7 +44,7 @@ def recenter(root: Element, notes: Findings) -> bool:
         except Malformed:
             header.attrib.pop(side, None)
     notes.assumed(f"it lies far from its origin: map (0, 0) is its ({x_m:.0f}, {y_m:.0f})")
-    return True
+    return x_m, y_m, 0.0
 
 
 def _xy_m(element: Element) -> list[tuple[float, float]]:

@@ -60,14 +60,17 @@ def _lane_change(stage: Stage, body: Body, element: Element) -> Motion | None:
         return _refused(stage, body, element)
     roads, place, target = stage.mover.roads, body.place, element.target
     if target.kind == "AbsoluteTargetLane":
-        lane = int(target.value)
+        lane = target.value
     else:
         other = stage.bodies[target.entity_ref]
         reference = stage.mover.lane_at(other.position_m, other.yaw_rad) or place
         lane = roads.next_lane(reference, target.value)
-        if reference.forward != place.forward and reference.road == place.road:
-            lane = roads.next_lane(reference, target.value)
-    moved_m = roads.point_of(place).t_m - roads.lane_t_m(place.road, lane, place.s_m)
+        if reference.forward != place.forward and reference.road != place.road:
+            lane = -lane  # of this road, whose s runs the other way
+    try:
+        moved_m = roads.point_of(place).t_m - roads.lane_t_m(place.road, lane, place.s_m)
+    except KeyError as error:
+        return _refused(stage, body, element, error.args[0])
     body.place = replace(place, lane=lane, offset_m=moved_m)
     end_m = element.target_lane_offset_m * side_of(place)
     return _shift(stage, body, element.dynamics, moved_m * side_of(place), end_m)
@@ -157,8 +160,8 @@ def _acquire_position(stage: Stage, body: Body, element: Element) -> Motion | No
     return motion
 
 
-def _refused(stage: Stage, body: Body, element: Element) -> Motion | None:
-    stage.notes[f"{element.origin}: {element.kind} has no effect, because {body.name} is on no lane"] = None
+def _refused(stage: Stage, body: Body, element: Element, reason: str = "it is on no lane") -> Motion | None:
+    stage.notes[f"{element.origin}: {element.kind} of {body.name} has no effect: {reason}"] = None
     return None
 
 

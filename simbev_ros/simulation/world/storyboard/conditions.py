@@ -1,7 +1,6 @@
 """Conditions and triggers of a storyboard: true or false at each tick, with edges and delays."""
 
 import math
-import operator
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
@@ -11,6 +10,7 @@ import numpy as np
 from simbev_ros.maps.opendrive.lane_places import wrapped
 from simbev_ros.scene.storyboard.bodies import Body
 from simbev_ros.scene.storyboard.model import Element
+from simbev_ros.scene.storyboard.parameters import RULES
 from simbev_ros.simulation.world.storyboard.measures import closing_mps, gap_m, overlap
 from simbev_ros.simulation.world.storyboard.stage import Stage
 
@@ -64,7 +64,9 @@ class _Condition:
         self._history: deque[tuple[float, Verdict]] = deque()
 
     def evaluate(self, stage: Stage, states: States) -> Verdict:
-        raw = self._raw(stage, states)
+        raw = Verdict(False)
+        with stage.noted("the condition does not hold"):
+            raw = self._raw(stage, states)
         before, self._before = self._before, raw.holds
         rises, falls = before is False and raw.holds, before is True and not raw.holds
         edges = {"none": raw.holds, "rising": rises, "falling": falls, "risingOrFalling": rises or falls}
@@ -85,6 +87,12 @@ class _Condition:
             check, who = _ENTITY_TESTS[test.kind], element.triggering_entities
             names = [reference.entity_ref for reference in who.entities]
             bodies = [stage.bodies[name] for name in names]
+            if not all(
+                stage.bodies[each.entity_ref].is_present
+                for each in (test, getattr(test, "target", test))
+                if hasattr(each, "entity_ref")
+            ):
+                return Verdict(False)
             met = tuple(body.name for body in bodies if body.is_present and check(stage, body, test))
             is_met = len(met) == len(names) if who.triggering_entities_rule == "all" else bool(met)
             return Verdict(is_met, met)
@@ -97,17 +105,7 @@ def holds(rule: str, value: float, reference: float) -> bool:
     """Whether two numbers are as a rule says; numbers that differ by rounding are equal."""
     if abs(value - reference) <= _SAME * max(1.0, abs(reference)):
         value = reference
-    return bool(_RULES[rule](value, reference))
-
-
-_RULES: Mapping[str, Callable[..., bool]] = {
-    "greaterThan": operator.gt,
-    "greaterOrEqual": operator.ge,
-    "lessThan": operator.lt,
-    "lessOrEqual": operator.le,
-    "equalTo": operator.eq,
-    "notEqualTo": operator.ne,
-}
+    return RULES[rule](value, reference)
 
 
 def _end_of_road(stage: Stage, body: Body, test: Element) -> bool:
@@ -243,12 +241,12 @@ def _value(stage: Stage, test: Element) -> bool:
     try:
         return holds(test.rule, float(value), float(reference))
     except ValueError:
-        return bool(_RULES[test.rule](value, reference))
+        return RULES[test.rule](value, reference)
 
 
 def _time_of_day(stage: Stage, test: Element) -> bool:
     now = stage.date_time
-    return now is not None and bool(_RULES[test.rule](now.replace(tzinfo=None), test.date_time.replace(tzinfo=None)))
+    return now is not None and RULES[test.rule](now.replace(tzinfo=None), test.date_time.replace(tzinfo=None))
 
 
 _VALUE_TESTS: Mapping[str, Callable[[Stage, Element], bool]] = {

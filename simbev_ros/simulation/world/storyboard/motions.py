@@ -143,10 +143,13 @@ class Synchronize(Moving):
     def distance_m(self, stage: Stage, body: Body) -> float:
         """As in ``Motion``."""
         element, master, tick_s = self._element, stage.bodies[self._element.master_entity_ref], stage.tick_s
-        goal, master_goal = (
-            stage.positions.pose(each) for each in (element.target_position, element.target_position_master)
-        )
-        left_m, master_m = _remaining_m(stage, body, goal), _remaining_m(stage, master, master_goal)
+        goals = list[Pose]()
+        with stage.noted("the action ends"):
+            goals = [stage.positions.pose(each) for each in (element.target_position, element.target_position_master)]
+        if not goals:
+            self.done = True
+            return super().distance_m(stage, body)
+        left_m, master_m = _remaining_m(stage, body, goals[0]), _remaining_m(stage, master, goals[1])
         speed_mps = max(abs(master.speed_mps), 1e-6)
         if [*stage.bodies].index(master.name) < [*stage.bodies].index(body.name) and master.name not in stage.outside:
             master_m += master.speed_mps * tick_s  # where it was before this tick

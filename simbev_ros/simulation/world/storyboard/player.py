@@ -69,7 +69,7 @@ class StoryboardPlayer:
         cast = {each.name: blueprint_named(each.blueprint) for each in spec.storyboard.cast}
         bodies = {each.name: body_of(each, cast[each.name]) for each in scenario.entities}
         mover = mover_on(network, heights_m)
-        self._stage = Stage(mover, Positions(mover, bodies, network.datum), bodies, self._tick_s)
+        self._stage = Stage(mover, Positions(mover, bodies, network.datum, network.origin_m), bodies, self._tick_s)
         self._stage.signals = StoryboardSignals(scenario.road_network.signal_controllers, network.signals)
         self._stage.weather = self._change_weather
         self._stage.values = {each.name: each.value for each in (*scenario.parameters, *scenario.variables)}

@@ -1,12 +1,14 @@
 """The stage of a storyboard: its entities, the actions that move them, and what else actions have set."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Protocol
 
 import numpy as np
 
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.scene.storyboard.bodies import Body, Mover
 from simbev_ros.scene.storyboard.positions import Positions
 from simbev_ros.simulation.world.storyboard.signals import StoryboardSignals
@@ -73,6 +75,15 @@ class Stage:
             return None
         date, since_s, animated = self.clock
         return date + timedelta(seconds=(self.time_s - since_s) * animated)
+
+    @contextmanager
+    def noted(self, consequence: str) -> Iterator[None]:
+        """Note the InputError that the block may raise, such as for a position that does not exist now."""
+        try:
+            yield
+        except InputError as error:
+            if not any(note.startswith(str(error).rpartition(": ")[0]) for note in self.notes):  # of this element
+                self.notes[f"{error}; {consequence}"] = None
 
     def take_over(self, motions: dict[str, Motion], body: Body, motion: Motion) -> None:
         """Let an action take the place of the one that moves an entity in the same domain."""

@@ -109,11 +109,14 @@ class Storyboard:
 
     def initialize(self) -> None:
         """Run the actions of ``Init``: placements first, as other actions may refer to other entities' positions."""
-        for element in self._element.init.global_actions:
+        init = self._element.init
+        self._stage.positions.enter(init)
+        for element in init.global_actions:
             GLOBAL_EFFECTS[element.kind](self._stage, element)
-        privates = [(each.entity_ref, action) for each in self._element.init.privates for action in each.actions]
-        for name, action in sorted(privates, key=lambda each: each[1].kind != "TeleportAction"):
-            self._perform(action, name, in_init=True)
+        for private in init.privates:
+            for action in private.actions:
+                if action.kind != "TeleportAction":
+                    self._perform(action, private.entity_ref, in_init=True)
 
     def advance(self) -> None:
         """Run the storyboard at the time of the stage, whose entities have moved to it."""
@@ -200,7 +203,8 @@ class Storyboard:
             self._note(START, action, State.RUNNING)
             for element in action.element.parts:
                 if element.kind in GLOBAL_EFFECTS:
-                    GLOBAL_EFFECTS[element.kind](self._stage, element)
+                    with self._stage.noted("the action has no effect"):
+                        GLOBAL_EFFECTS[element.kind](self._stage, element)
                     continue
                 for name in event.actors:
                     if (motion := self._perform(element, name)) is not None:
@@ -217,7 +221,10 @@ class Storyboard:
             note = f"{name} is driven from outside; actions of the storyboard that would move it have no effect"
             self._stage.notes[note] = None
             return None
-        return MOTIONS[element.kind](self._stage, body, element)
+        motion: Motion | None = None
+        with self._stage.noted("the action has no effect"):
+            motion = MOTIONS[element.kind](self._stage, body, element)
+        return motion
 
     def _finish(self, part: Part) -> None:
         """End an element whose parts have all ended, from the inside out."""

@@ -116,7 +116,7 @@ def speed(target_mps: float, *how: Any) -> Element:
 
 def lane(s_m: float, lane_id: int = -1, offset_m: float = 0.0, h_rad: float | None = None, road: str = "1") -> Element:
     turned = None if h_rad is None else model.Orientation(type="relative", h_rad=h_rad)
-    return model.LanePosition(road_id=road, lane_id=str(lane_id), s_m=s_m, offset_m=offset_m, orientation=turned)
+    return model.LanePosition(road_id=road, lane_id=lane_id, s_m=s_m, offset_m=offset_m, orientation=turned)
 
 
 def world(x_m: float, y_m: float, h_rad: float = 0.0) -> Element:

@@ -257,7 +257,7 @@ def test_an_overtaker_changes_lanes_twice(road: Path) -> None:  # LSS, overtakin
         dynamics=dynamics("sinusoidal", "time", 4.0), target=model.RelativeTargetLane(entity_ref="ego", value=1)
     )
     back = model.LaneChangeAction(
-        dynamics=dynamics("cubic", "distance", 100.0), target=model.AbsoluteTargetLane(value="-2")
+        dynamics=dynamics("cubic", "distance", 100.0), target=model.AbsoluteTargetLane(value=-2)
     )
     ended = trigger(
         model.StoryboardElementStateCondition(

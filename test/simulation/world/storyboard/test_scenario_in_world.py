@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from storyboard_stage import straight
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
@@ -190,6 +191,78 @@ def test_signals_show_what_the_storyboard_says(draw: Draw) -> None:
     assert shown[60] == SignalState.GREEN
 
 
+TELEPORT = '<LanePosition roadId="244" laneId="-1" s="10"/>'
+VAN = '<RelativeLanePosition entityRef="Ego" dLane="-1" ds="$lead"/>'
+GONE = '<LanePosition roadId="9" laneId="-1" s="1"/>'
+BRAKE = EXAMPLE.read_text().split('<Action name="Brake">')[1].split("<PrivateAction>")[1].split("</PrivateAction>")[0]
+
+
+def test_world_positions_are_those_of_the_file_of_a_map_that_is_far_from_its_origin(tmp_path: Path) -> None:
+    road = straight(tmp_path).read_text().replace('x="0" y="0"', 'x="691000" y="5335000"')
+    (tmp_path / "far.xodr").write_text(road)
+    scenario = EXAMPLE.read_text().replace('"Blocks"', '"far.xodr"').replace(VAN, VAN.replace("-1", "0"))
+    changed = scenario.replace(TELEPORT, '<WorldPosition x="691100" y="5334998.25"/>')
+    (tmp_path / "scenario.xosc").write_text(changed)
+    (tmp_path / "my.yaml").write_text(f"scenarios: [scenario.xosc]\ntime: {{warm_up_s: 1}}\n{RIG}")
+    config = load_scenario(tmp_path / "my.yaml")
+    (planned,) = planned_scenes(config)
+    network = load_network(planned.map)
+    assert network.origin_m == (691000.0, 5335000.0, 0.0)
+    first = next(states(draw_scene(config, planned, network)))
+    np.testing.assert_allclose(first.actors["x"], [100.0 + 1.4, 116.0 + 1.8], atol=0.01)
+    np.testing.assert_allclose(first.actors["y"], -1.75, atol=0.01)
+
+
+def test_entities_may_be_relative_to_those_that_come_later(draw: Draw) -> None:
+    usual = next(states(draw()))
+    spec = draw(
+        (TELEPORT, '<RelativeLanePosition entityRef="Van" dLane="1" ds="-16"/>'),
+        (VAN, '<LanePosition roadId="244" laneId="-2" s="26"/>'),
+    )
+    np.testing.assert_allclose(next(states(spec)).actors["x"], usual.actors["x"], atol=0.01)
+
+
+def test_what_does_not_exist_at_its_time_is_noted_once(draw: Draw, caplog: pytest.LogCaptureFixture) -> None:
+    near = '<RelativeSpeedCondition entityRef="Van" value="1" rule="greaterThan"/>'
+    beside = '<RelativeLanePosition entityRef="Van" dLane="-9" ds="0"/>'
+    reached = f'<ReachPositionCondition tolerance="1"><Position>{beside}</Position></ReachPositionCondition>'
+    spec = draw(('<AbsoluteTargetLane value="-1"/>', '<AbsoluteTargetLane value="-9"/>'), (near, reached))
+    *_, last = states(spec, seconds=3.0)
+    assert len(last.actors) == 2
+    assert caplog.text.count("LaneChangeAction of Van has no effect: road 244 has no lane -9") == 1
+    assert caplog.text.count("; the condition does not hold") == 1
+
+
+def test_the_log_says_what_is_done_in_another_way(draw: Draw, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO"):
+        draw(
+            ('dynamicsShape="linear"', 'followingMode="follow" dynamicsShape="linear"'),
+            (
+                '<SimulationTimeCondition value="1" rule="greaterOrEqual"/>',
+                '<UserDefinedValueCondition name="u" value="1" rule="equalTo"/>',
+            ),
+            (INIT_END, f"{SIGNAL}{INIT_END}"),
+            (TELEPORT, '<WorldPosition x="-206.7" y="-100"/>'),
+            (VAN, '<WorldPosition x="-206.7" y="-90"/>'),
+            more="ego: {driver: twist}\n",
+        )
+    for words in (
+        "<TransitionDynamics followingMode='follow'>: it is followed exactly",
+        "<UserDefinedValueCondition name='u'>: it never holds",
+        "the map has no signals nowhere",
+        "Van is put",
+        "Ego is driven from outside (twist): it starts from rest in the middle of the nearest lane",
+    ):
+        assert caplog.text.count(words) == 1, words
+
+
+SIGNAL = (
+    "<GlobalAction><InfrastructureAction><TrafficSignalAction>"
+    '<TrafficSignalStateAction name="nowhere" state="red"/>'
+    "</TrafficSignalAction></InfrastructureAction></GlobalAction>"
+)
+
+
 VARIED = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2026-01-01T00:00:00" description="" author=""/>
 <ParameterValueDistribution><ScenarioFile filepath="base.xosc"/><Deterministic>
 <DeterministicSingleParameterDistribution parameterName="speed"><DistributionSet>
@@ -219,6 +292,17 @@ def test_scenes_have_the_values_of_a_distribution_in_turn(tmp_path: Path) -> Non
         (('roadId="244"', 'roadId="999"'), "there is no road 999"),
         (('laneId="-1"', 'laneId="-7"'), "road 244 has no lane -7"),
         (("AbsoluteTargetLane", "AbsoluteTargetLine"), "AbsoluteTargetLine"),
+        (('s="10"', 's="200"'), r":39: LanePosition: s = 200 is not on road 244, whose s goes from 0 to 104\.265"),
+        ((TELEPORT, '<WorldPosition x="1e6" y="0"/>'), r":46: RelativeLanePosition: \(1000000.0, 0.0\) is on no road"),
+        ((f"<TeleportAction><Position>{TELEPORT}</Position></TeleportAction>", ""), ":46: .*: Ego is not in the scene"),
+        ((VAN, '<RelativeObjectPosition entityRef="Van" dx="1" dy="0"/>'), ":46: .*: Van is not in the scene"),
+        (
+            (
+                BRAKE,
+                f"<!--{BRAKE}--><RoutingAction><AcquirePositionAction><Position>{GONE}</Position></AcquirePositionAction></RoutingAction>",
+            ),
+            ":77: LanePosition: there is no road 9",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_an_error(draw: Draw, change: tuple[str, str], problem: str) -> None:

@@ -98,7 +98,7 @@ def test_speed_profile(play: Play) -> None:
 
 def test_lane_change_keeps_an_offset_in_the_target_lane(play: Play) -> None:
     action = model.LaneChangeAction(
-        target_lane_offset_m=0.5, dynamics=dynamics("cubic", "time", 2.0), target=model.AbsoluteTargetLane(value="-2")
+        target_lane_offset_m=0.5, dynamics=dynamics("cubic", "time", 2.0), target=model.AbsoluteTargetLane(value=-2)
     )
     show = play(action)
     show.run_to(2.0)

@@ -10,6 +10,9 @@ _INTRODUCTION = """# OpenSCENARIO
 Elements of ASAM OpenSCENARIO XML 1.0 to 1.3 that are done, with their attributes. Files of earlier versions are
 converted. Others are an error that names file and line, before anything starts. The guide is
 [OpenSCENARIO](../guide/openscenario.md).
+
+If its description begins with `CARLA:`, a file is read as CARLA's ScenarioRunner does: y points to the right, and edges
+of conditions do not matter. Conditions `criteria_…` of no parameter never hold.
 """
 _SHAPES = ("Polyline", "Clothoid", "ClothoidSpline", "Nurbs")
 _GROUPS = {"Conditions of entities": "EntityTest", "Conditions of values": "ValueTest", "Positions": "Position"}

@@ -32,6 +32,7 @@ CATALOG_SUFFIX = ".xosc"
 """Suffix of files of catalogs: other files in a folder are not read, and no message quotes them."""
 
 _CARLA = "CARLA:"
+_CRITERIA = "conditions criteria_… of no parameter are criteria of ScenarioRunner, and never hold"
 
 MAX_CATALOG_FILES = 1_000
 """Files of catalogs that are searched."""
@@ -137,9 +138,7 @@ class Resolver:
             test = condition.find("ByValueCondition/ParameterCondition")
             is_unknown = test is not None and test.get("parameterRef", "") not in scope
             if is_unknown and condition.get("name", "").startswith("criteria_"):
-                self.notes["conditions criteria_… of no parameter are criteria of ScenarioRunner, and never hold"] = (
-                    None
-                )
+                self.notes[_CRITERIA] = None
                 return True
         return False
 

@@ -144,6 +144,7 @@ def test_a_float_is_rounded_for_an_integer_parameter(tmp_path: Path) -> None:
             f"<Deterministic>{SET.replace('DistributionSet', 'UserDefinedDistribution')}</Deterministic>",
             "not supported",
         ),
+        ('<Stochastic numberOfTestRuns="0">{}</Stochastic>', "numberOfTestRuns is '0'; must be at least 1"),
         ('<Stochastic numberOfTestRuns="10001">{}</Stochastic>', "more than 10,000 variations"),
         ('<Stochastic numberOfTestRuns="2">{}</Stochastic>', "no value of 1,000 lies in the range"),
         ("", "must have 1 of Deterministic or Stochastic, not 0"),

@@ -116,7 +116,8 @@ class Storyboard:
         for private in init.privates:
             for action in private.actions:
                 if action.kind != "TeleportAction":
-                    self._perform(action, private.entity_ref, in_init=True)
+                    with self._stage.noted("the action has no effect"):
+                        self._perform(action, private.entity_ref, in_init=True)
 
     def advance(self) -> None:
         """Run the storyboard at the time of the stage, whose entities have moved to it."""
@@ -202,13 +203,12 @@ class Storyboard:
             action.motions = []
             self._note(START, action, State.RUNNING)
             for element in action.element.parts:
-                if element.kind in GLOBAL_EFFECTS:
+                for name in event.actors if element.kind not in GLOBAL_EFFECTS else (None,):
                     with self._stage.noted("the action has no effect"):
-                        GLOBAL_EFFECTS[element.kind](self._stage, element)
-                    continue
-                for name in event.actors:
-                    if (motion := self._perform(element, name)) is not None:
-                        action.motions.append(motion)
+                        if name is None:
+                            GLOBAL_EFFECTS[element.kind](self._stage, element)
+                        elif (motion := self._perform(element, name)) is not None:
+                            action.motions.append(motion)
         self._finish(event)
 
     def _perform(self, element: Element, name: str, *, in_init: bool = False) -> Motion | None:
@@ -221,10 +221,7 @@ class Storyboard:
             note = f"{name} is driven from outside; actions of the storyboard that would move it have no effect"
             self._stage.notes[note] = None
             return None
-        motion: Motion | None = None
-        with self._stage.noted("the action has no effect"):
-            motion = MOTIONS[element.kind](self._stage, body, element)
-        return motion
+        return MOTIONS[element.kind](self._stage, body, element)
 
     def _finish(self, part: Part) -> None:
         """End an element whose parts have all ended, from the inside out."""

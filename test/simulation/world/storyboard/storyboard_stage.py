@@ -1,6 +1,7 @@
 """Storyboards written as Python, and a stage on a straight road on which they run without a world."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,14 @@ def straight(folder: Path, length_m: float = 2000.0) -> Path:
     path = folder / "straight.xodr"
     right = _LANE.format(-1) + _LANE.format(-2)
     path.write_text(_ROAD.format(length=length_m, left=_LANE.format(1), right=right))
+    return path
+
+
+def narrowing(folder: Path) -> Path:
+    """The straight road, on which lane -2 ends after 100 m."""
+    path = straight(folder)
+    head, section, tail = re.split(r"(<laneSection.*</laneSection>)", path.read_text(), flags=re.DOTALL)
+    path.write_text(head + section + section.replace('s="0"', 's="100"').replace(_LANE.format(-2), "") + tail)
     return path
 
 

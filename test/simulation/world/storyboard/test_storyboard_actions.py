@@ -18,6 +18,7 @@ from storyboard_stage import (
     event,
     follow,
     lane,
+    narrowing,
     person,
     placed,
     polyline,
@@ -49,6 +50,13 @@ def play(tmp_path: Path) -> Play:
         return Show(straight(tmp_path), [car("ego"), car("other")], board, {"p": "3", "text": "a"})
 
     return run
+
+
+def test_an_entity_whose_lane_ends_within_the_road_drives_straight_ahead(tmp_path: Path) -> None:
+    show = Show(narrowing(tmp_path), [car("ego")], storyboard(placed("ego", lane(80.0, -2), 10.0)))
+    show.run_to(4.0)
+    assert show.xy("ego") == pytest.approx((120.0, Y_FAR_RIGHT), abs=CM)
+    assert show["ego"].has_left_road
 
 
 def test_speed_relative_to_another_entity(play: Play) -> None:

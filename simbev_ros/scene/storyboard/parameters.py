@@ -51,6 +51,7 @@ _TYPES: Mapping[str, tuple[Callable[[str], Any], str]] = {
     "text": (str, "a text"),
     "number": (_number, f"a finite number of at most {_MAX_NUMBER:g}"),
     "amount": (lambda text: _number(text, 0), f"a finite number of at least 0 and at most {_MAX_NUMBER:g}"),
+    "magnitude": (lambda text: abs(_number(text)), f"a finite number of at most {_MAX_NUMBER:g}"),
     "positive": (lambda text: _number(text, math.ulp(0.0)), f"a finite number above 0 and at most {_MAX_NUMBER:g}"),
     "integer": (_integer, "an integer of 32 bits"),
     "count": (lambda text: _integer(text, 0, 2**32 - 1), "an integer from 0 to 4294967295"),

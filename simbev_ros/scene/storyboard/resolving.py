@@ -5,6 +5,7 @@ The result is a tree of elements in which every element knows the place that it 
 
 from collections import ChainMap
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -107,7 +108,8 @@ class Resolver:
             raise InputError(f"{place}: with its catalogs, the scenario is nested more than {MAX_XML_DEPTH} deep")
         attributes = {name: text for name, text in source.items() if ":" not in name and name != "xmlns"}
         for name, text in attributes.items() if source.tag != "ParameterDeclaration" else ():
-            with self._problems.noted(place, f"{source.tag}.{name}"):
+            is_label = name == "name" and text.startswith("${")  # some add texts, which no expression can
+            with suppress(ValueError) if is_label else self._problems.noted(place, f"{source.tag}.{name}"):
                 attributes[name] = substitute(text, scope)
         self._require_room(1, sum(map(len, attributes.values())), place)
         copy = ResolvedElement(source.tag, self._current(source.tag, attributes, place))

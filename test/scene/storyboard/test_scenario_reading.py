@@ -154,9 +154,9 @@ ERRORS = [
     ),
     ({'name="story"': ""}, 'name="story"', "Story.name is missing"),
     (
-        {'value="3" dyn': 'value="-3" dyn'},
-        'value="3" dyn',
-        "value is '-3'; must be a finite number of at least 0 and at most 1e+12",
+        {'delay="0.5"': 'delay="-3"'},
+        'delay="0.5"',
+        "delay is '-3'; must be a finite number of at least 0 and at most 1e+12",
     ),
     ({'value="3" dyn': 'value="nan" dyn'}, 'value="3" dyn', "value is 'nan'; must be a finite number"),
     (
@@ -343,3 +343,13 @@ def test_reading_ends_early_if_there_are_very_many_problems(tmp_path: Path) -> N
 def test_a_document_that_is_none_is_refused() -> None:
     with pytest.raises(InputError, match="the scenario's document:1: <OpenSCENARIO> must have 1 of FileHeader, not 0"):
         read_resolved("<OpenSCENARIO/>")
+
+
+def test_rates_have_no_sign_and_labels_may_be_what_no_expression_is(tmp_path: Path) -> None:
+    edits = {
+        'value="3" dynamicsDimension="time"': 'value="-3" dynamicsDimension="rate"',
+        'name="near"': 'name="${near + _ + $speed}"',
+    }
+    event = first_event(read(tmp_path, edits))
+    assert event.actions[0].parts[0].dynamics.value == 3
+    assert event.start_trigger.groups[0].conditions[0].name == "${near + _ + $speed}"

@@ -22,7 +22,7 @@ def render_openscenario() -> str:
     """The whole page."""
     groups = {
         "Actions that move an entity": (*MOTIONS,),
-        "Other actions of an entity": tuple(name for name in EFFECTS if name in SPECS),
+        "Other actions of an entity": (*EFFECTS,),
         "Global actions": (*GLOBAL_EFFECTS,),
         **{title: tuple(TABLE["unions"][union]) for title, union in _GROUPS.items()},
         "Trajectories": _SHAPES,

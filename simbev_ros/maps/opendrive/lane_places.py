@@ -105,12 +105,9 @@ class Roads:
         """
         road, at_m = self._roads[point.road], np.array([point.s_m])
         from_center_m = point.t_m - float(road.offset(at_m)[0])
-        left = from_center_m > 0.0
-        section = self._section(road, left, point.s_m)
-        if not section.lanes:
-            left = not left
-            section = self._section(road, left, point.s_m)
-        if not section.lanes:
+        sides = (self._section(road, left == (from_center_m > 0.0), point.s_m) for left in (True, False))
+        section = next((each for each in sides if each.lanes), None)
+        if section is None:
             return None
         edges_m = lane_edges_m(section, at_m)[:, 0]
         index = min(int(np.searchsorted(edges_m, abs(from_center_m))), len(section.lanes)) - 1
@@ -212,10 +209,8 @@ class Roads:
         """
         if start.road == end.road:
             return (end.s_m - start.s_m) * (1.0 if start.forward else -1.0)
-        ahead = self._shortest_m(start, end, start.forward)
-        behind = self._shortest_m(start, end, not start.forward)
-        found = [each for each in (ahead, None if behind is None else -behind) if each is not None]
-        return min(found, key=abs, default=None)
+        paths = [(sign, self._search(start, end, start.forward == (sign > 0.0))) for sign in (1.0, -1.0)]
+        return min((sign * found[0] for sign, found in paths if found is not None), key=abs, default=None)
 
     def route_between(self, start: LanePlace, end: RoadPoint) -> tuple[str, ...] | None:
         """Ids of the roads from a place to a point, the shortest path ahead; None: no road leads there."""
@@ -223,10 +218,6 @@ class Roads:
             return (start.road,)
         found = self._search(start, end, start.forward)
         return None if found is None else found[1]
-
-    def _shortest_m(self, start: LanePlace, end: RoadPoint, forward: bool) -> float | None:
-        found = self._search(start, end, forward)
-        return None if found is None else found[0]
 
     def _search(self, start: LanePlace, end: RoadPoint, forward: bool) -> tuple[float, tuple[str, ...]] | None:
         """Length and roads of the shortest path over roads (Dijkstra), leaving the first one in a direction of s."""

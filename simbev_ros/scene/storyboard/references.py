@@ -76,7 +76,7 @@ def _references(elements: Iterable[Element], kind: str, above: tuple[str, ...]) 
 
 
 def _check_change(action: Element, types: Mapping[str, str], problems: Problems) -> None:
-    """Note a new value that is not of its parameter's or variable's type, and arithmetic with texts."""
+    """Note a new value that is not of its parameter's or variable's type, and arithmetic with a text."""
     name = action.parameter_ref if action.kind == "ParameterAction" else action.variable_ref
     kind = types.get(name, "double")
     with problems.noted(action.change.origin, action.change.kind):

@@ -69,6 +69,5 @@ EFFECTS: Mapping[str, Callable[[Stage, Body, Element], None]] = {
     "LightStateAction": _lights,
     "ActivateControllerAction": _nothing,
     "AssignControllerAction": _nothing,
-    "OverrideControllerValueAction": _nothing,
 }
 """Actions of one entity."""

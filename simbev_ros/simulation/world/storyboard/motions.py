@@ -324,15 +324,11 @@ class AcquirePosition(Moving):
 
     def steer(self, stage: Stage, body: Body, distance_m: float) -> None:
         """As in ``Motion``."""
-        left_m = self.left_m(stage, body)
+        left_m = float(np.hypot(*(self._goal.position_m - body.position_m)[:2]))
+        if body.place is not None:
+            left_m = _remaining_m(stage, body, self._goal)
         super().steer(stage, body, distance_m)
         self.done = left_m <= abs(distance_m) + _REACHED_M
-
-    def left_m(self, stage: Stage, body: Body) -> float:
-        """Distance that is left."""
-        if body.place is not None:
-            return _remaining_m(stage, body, self._goal)
-        return float(np.hypot(*(self._goal.position_m - body.position_m)[:2]))
 
 
 def target_mps(stage: Stage, target: Element) -> float:

@@ -178,10 +178,8 @@ class StoryboardPlayer:
         if self._heights_m is None:
             return center_m, body.roll_rad, body.pitch_rad
         half_m = np.array(body.size_m[:2]) * (0.3, 0.45)
-        around_m = np.concatenate([half_m[:1, None] * body.axes[:1], -half_m[:1, None] * body.axes[:1]])
-        beside_m = np.concatenate([half_m[1:, None] * body.axes[1:], -half_m[1:, None] * body.axes[1:]])
-        points_m = center_m + np.column_stack([np.concatenate([around_m, beside_m]), np.zeros(4)])
-        heights_m = self._heights_m(points_m)
+        arms_m = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * half_m @ body.axes
+        heights_m = self._heights_m(center_m + np.column_stack([arms_m, np.zeros(4)]))
         if not np.isfinite(heights_m).all():
             return center_m, body.roll_rad, body.pitch_rad
         front_m, rear_m, left_m, right_m = heights_m.tolist()

@@ -81,11 +81,7 @@ def ego_of(scenario: Element) -> Element:
         raise InputError(f"{scenario.origin}: it has no vehicle that could be the first agent's")
 
     def says_ego(entity: Element) -> bool:
-        properties = [
-            *entity.body.properties,
-            *(each for held in entity.controllers for each in held.controller.properties),
-        ]
-        return any(each.value.casefold() in _EGO_NAMES for each in properties)
+        return any(each.kind == "Property" and each.value.casefold() in _EGO_NAMES for each in elements_in(entity))
 
     named = [each for each in vehicles if each.name.casefold() in _EGO_NAMES]
     return next(iter([*named, *filter(says_ego, vehicles), *vehicles]))

@@ -34,14 +34,7 @@ class Positions:
         datum: MapDatum,
         origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """For the entities of a scene, by name.
-
-        Args:
-            mover: Moves them.
-            bodies: They.
-            datum: The map's position on Earth.
-            origin_m: World coordinates of the map frame's origin.
-        """
+        """For entities by name, on a map with a position on Earth, whose frame is at ``origin_m`` of its file."""
         self._mover, self._roads, self._bodies, self._datum = mover, mover.roads, bodies, datum
         self._origin_m = np.array(origin_m)
 

@@ -93,7 +93,8 @@ def _faults(element: Element) -> Iterator[tuple[bool, str]]:
             knots, points, order = [each.value for each in element.knots], len(element.control_points), element.order
             words = f"of order {order} with {points} control points must have {points + order} knots, not {len(knots)}"
             yield len(knots) != points + order or not 2 <= order <= points, f"{words}, and no higher order"
-            yield knots != sorted(knots) or knots[:1] == knots[-1:], "must have knots in ascending order"
+            is_empty = knots[order - 1 : order] == knots[points : points + 1]
+            yield knots != sorted(knots) or is_empty, "must have knots in ascending order"
         case "Polyline":
             times_s = [each.time_s for each in element.vertices if each.time_s is not None]
             yield times_s != sorted(times_s), "must have times in ascending order"

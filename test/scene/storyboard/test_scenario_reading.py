@@ -239,6 +239,7 @@ ERRORS = [
         "have times in ascending",
     ),
     ({ACTION: follow(NURBS)}, None, "<Nurbs> must have knots in ascending order"),
+    ({ACTION: follow(NURBS.replace('"0"', '"1"'))}, None, "<Nurbs> must have knots in ascending order"),
     (
         {ACTION: f"<PrivateAction><LongitudinalAction>{DISTANCE}</LongitudinalAction></PrivateAction>"},
         None,

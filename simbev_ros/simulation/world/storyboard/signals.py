@@ -58,7 +58,7 @@ class StoryboardSignals:
 
     def shown(self, table: Table) -> Table:
         """(S,) ``SIGNAL_DTYPE`` with the states that have been set; the times of these heads are 0 and infinite."""
-        rows = {row: state for name, text in self.states.items() for row, state in self._states_of(name, text)}
+        rows = {row: state_of(text) for name, text in self.states.items() for row in self._heads.get(name, ())}
         if rows:
             table = table.copy()
             at = list(rows)
@@ -67,9 +67,6 @@ class StoryboardSignals:
             table["time_in_state"][at] = np.where(changed, 0.0, table["time_in_state"][at])
             table["time_remaining"][at] = np.inf
         return table
-
-    def _states_of(self, name: str, text: str) -> Iterable[tuple[int, SignalState]]:
-        return ((row, state_of(text)) for row in self._heads.get(name, ()))
 
 
 def state_of(text: str) -> SignalState:

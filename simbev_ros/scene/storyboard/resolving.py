@@ -84,6 +84,7 @@ class Resolver:
         """The resolved tree; raises InputError if a file cannot be parsed."""
         source, file = parse_scenario(self._path), self._path
         scope = self._declared(source, {}, file, self._values)
+        self._problems.raise_any()  # else each use of a parameter without a value would be one more
         for directory in source.iterfind("CatalogLocations/*/Directory"):
             with self._problems.noted(place_of(file, directory), "Directory.path"):
                 folder = file.parent / expand_home(substitute(directory.get("path", ""), scope))

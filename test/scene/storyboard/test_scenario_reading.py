@@ -293,6 +293,10 @@ def test_values_outside_the_constraints_are_refused(tmp_path: Path) -> None:
     assert "parameter speed is '16'; must be lessThan 15 or equalTo 20" in problems(tmp_path, edits, speed=16)[0]
 
 
+def test_a_parameter_without_a_valid_value_is_one_problem(tmp_path: Path) -> None:
+    assert len(problems(tmp_path, {'"double" value="13.5"': '"double" value="x"'})) == 1
+
+
 def test_an_unknown_given_value_is_refused(tmp_path: Path) -> None:
     assert problems(tmp_path, {}, velocity=3)[0].endswith("has no parameter velocity; declared: speed, runs, owner")
 

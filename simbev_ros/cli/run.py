@@ -78,7 +78,7 @@ def run(
 
     simbev run my.yaml --stack "baseline-lidar --track" --evaluate figures.json
 
-    simbev run my.yaml --record datasets/first --view
+    simbev run cut_in.xosc --record out --view   a scenario of OpenSCENARIO, watched in the browser
 
     simbev run live --live --ros-args -r /ego/lidar/points:=/points
 
@@ -93,8 +93,7 @@ def run(
     ros, console = ros_arguments(context, namespace), make_console()
     scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
     scenario, live = _with_live_options(scenario, live=live, reliable=reliable, slows=pace == "auto")
-    if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
-        domain = 0
+    domain = 0 if domain is None and not os.environ.get("ROS_DOMAIN_ID") else domain
     _print_environment(domain, console, network=network)
     with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)

@@ -23,6 +23,8 @@ from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import DatumSpec, SceneSpec
+from simbev_ros.schema.scene.storyboard_spec import StoryboardSpec
+from simbev_ros.schema.scene.weather import Weather
 
 SEEDS_PER_DRAW = 1 << 32
 """Distance between the seeds of two draws of a scene; more than the largest seed and number together."""
@@ -74,21 +76,13 @@ def draw_scene(
     """
     first_seed = scenario.seed + planned.number if planned.seed is None else planned.seed
     seed = first_seed + planned.draw * SEEDS_PER_DRAW
-    starts, storyboard = start_positions(scenario, network) if starts is None else starts, None
-    if planned.scenario:
-        from simbev_ros.scene.drawing.draw_storyboard import cast_scenario, first_weather  # what few scenes need
-
-        with foreign_content(planned.scenario):
-            scenario, storyboard = cast_scenario(scenario, Path(planned.scenario), planned.number, network)
+    starts = start_positions(scenario, network) if starts is None else starts
+    scenario, storyboard = _cast(scenario, planned, network)
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     agents, drive = draw_drive(scenario, seed, network, draw_agents(scenario, seed, network, starts, duration_s))
     clearance = StartClearance(network, agents.vehicles)
-    weather, final_weather = draw_weathers(
-        scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
-    )
-    if storyboard is not None:
-        weather = weather.model_copy(update=first_weather(storyboard, network.datum))
+    weather, final_weather = _draw_weathers(scenario, seed, planned.map, network, storyboard)
     drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents, weather)
     hazards = drawer.draw_hazards()
     vehicles = *agents.vehicles, *drawer.draw_vehicles(hazards, clearance)
@@ -128,6 +122,29 @@ def draw_scene(
             for program in starts.signal_programs or ("",)
         ),
     )
+
+
+def _cast(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) -> tuple[Scenario, StoryboardSpec | None]:
+    """The configuration and the storyboard of a scene that plays a scenario; None: it plays none."""
+    if not planned.scenario:
+        return scenario, None
+    from simbev_ros.scene.drawing.draw_storyboard import cast_scenario  # what few scenes need
+
+    with foreign_content(planned.scenario):
+        return cast_scenario(scenario, Path(planned.scenario), planned.number, network)
+
+
+def _draw_weathers(
+    scenario: Scenario, seed: int, chosen: MapSpec, network: RoadNetwork, storyboard: StoryboardSpec | None
+) -> tuple[Weather, Weather | None]:
+    """Weather at the start and at the end, of which a storyboard may prescribe the first."""
+    even_fog = fog_fills_heights(chosen, network)
+    weather, final_weather = draw_weathers(scenario.weather, seed, even_fog=even_fog, datum=network.datum)
+    if storyboard is not None:
+        from simbev_ros.scene.drawing.draw_storyboard import first_weather
+
+        weather = weather.model_copy(update=first_weather(storyboard, network.datum))
+    return weather, final_weather
 
 
 class _Manners(TypedDict):

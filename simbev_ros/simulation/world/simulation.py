@@ -5,10 +5,10 @@ of a second behind SUMO. Everything in a table, including lights and signals, be
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -47,6 +47,9 @@ from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_program
 from simbev_ros.simulation.world.sumo.start import sumo_step_ns
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
+
+if TYPE_CHECKING:
+    from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
@@ -114,11 +117,7 @@ class Simulation:
             )
             heights_m = None if self._actors.ground.is_level else self._actors.ground.heights_m
             self.entities = Entities(spec.tick_ns / NS_PER_S, self._actors.free_id, heights_m)
-            self._storyboard = None
-            if spec.storyboard is not None:
-                from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer  # what few scenes need
-
-                self._storyboard = StoryboardPlayer(spec, network, self.entities, self.weather, heights_m)
+            self._storyboard = self._storyboard_player(network, heights_m)
             self._add_rules(network, step_ns / NS_PER_S)
             delay_ticks = self._actors.commanded_delay_ticks
             self._outside_drivers = OutsideDrivers(
@@ -135,6 +134,16 @@ class Simulation:
     def available(self) -> tuple[int, str]:
         """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
+
+    def _storyboard_player(
+        self, network: RoadNetwork, heights_m: Callable[[Float64Array], Float64Array] | None
+    ) -> "StoryboardPlayer | None":
+        """The player of the scene's scenario; None: it has none."""
+        if self._spec.storyboard is None:
+            return None
+        from simbev_ros.simulation.world.storyboard.player import StoryboardPlayer  # what few scenes need
+
+        return StoryboardPlayer(self._spec, network, self.entities, self.weather, heights_m)
 
     def _add_rules(self, network: RoadNetwork, step_s: float) -> None:
         """Add rules by which drivers act beside those of SUMO."""

@@ -112,3 +112,5 @@ def _faults(element: Element) -> Iterator[tuple[bool, str]]:
             is_by_entity = element.test.kind in TABLE["unions"]["EntityTest"]
             words = "must have" if is_by_entity else "must not have"
             yield is_by_entity is (element.triggering_entities is None), f"{words} TriggeringEntities"
+        case _:
+            return

@@ -5,17 +5,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
+from simbev_exporters.cli.pooled_export import export_agents, show_count
 from simbev_exporters.cli.words import different_words
 from simbev_exporters.nuscenes.scene_names import SceneNames
-from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
-from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.cli.agent_option import ExportedAgentOption
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.pool import Ray, Workers
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
-    from simbev_exporters.nuscenes.export import Exported, ExportSettings
+    from simbev_exporters.nuscenes.export import Exported
 
 _MODULE, _MEMORY_MIB = "simbev_exporters.nuscenes.export", 1024
 
@@ -94,11 +96,19 @@ def export_nuscenes(
     simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
     """
     from simbev_exporters.nuscenes.export import ExportSettings
+    from simbev_exporters.nuscenes.export import export_nuscenes as export
 
     rate_hz = None if all_frames else keyframe_hz
     named = channel_names(channel or [])
     settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, scene_names, version, all_boxes, named)
-    _export(dataset, out, settings, agent, workers, ray)
+    export_agents(
+        *(dataset, out, agent, workers, ray),
+        module=_MODULE,
+        memory_mib=_MEMORY_MIB,
+        unit="frames",
+        export=lambda seen, folder, pool, report: export(seen, folder, settings, pool=pool, report=report),
+        report=_report,
+    )
 
 
 def channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
@@ -118,33 +128,10 @@ def channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
     return names
 
 
-def _export(
-    dataset: Path, out: Path, settings: "ExportSettings", agent: str | None, workers: str | None, ray: str | None
-) -> None:
-    """Export what the agents have recorded, and print what was made."""
-    from simbev_exporters.nuscenes.export import export_nuscenes
-    from simbev_ros.dataset import open_dataset
-
-    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    failed = scenes = 0
-    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
-    with pooled as pool:
-        for seen, folder in exported_agents(opened, agent, out):
-            with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
-                done = export_nuscenes(seen, folder, settings, pool=pool, report=bar.show)
-            _report(done, folder)
-            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
-    if failed:
-        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
-
-
-def _report(done: "Exported", out: Path) -> None:
+def _report(done: "Exported", out: Path, console: Console) -> None:
     """Print what an export has made, and what is missing in it."""
-    console = make_console(soft_wrap=True, highlight=False)
-    there = done.scenes - done.made
-    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
-    if there:
-        console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
+    words = f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}"
+    show_count(words, done, console)
     for place, (x_m, y_m) in done.origins_m.items():
         console.print(f"{place}: nuScenes' origin is at x {x_m:g} m, y {y_m:g} m of the map (origin_m in map.json)")
     for why in sorted(set(done.unlabeled.values())):
@@ -159,8 +146,6 @@ def _report(done: "Exported", out: Path) -> None:
         )
     for line in _bounds_of_map(done.classes):
         console.print(line)
-    for reason in done.failures.values():
-        console.print(reason, style="red")
 
 
 def _bounds_of_map(classes: Mapping[str, Sequence[str]]) -> Iterator[str]:

@@ -4,13 +4,21 @@ import os
 import shlex
 import sys
 from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
 
 from simbev_exporters.cli.image_options import DatasetArgument, Out
-from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
-from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_exporters.cli.pooled_export import export_agents, show_count
+from simbev_ros.cli.agent_option import ExportedAgentOption
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.pool import Ray, Workers
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
+
+if TYPE_CHECKING:
+    from simbev_exporters.osi.export import Exported
 
 _MODULE, _MEMORY_MIB = "simbev_exporters.osi.export", 1024
 
@@ -35,27 +43,23 @@ def export_osi(
     simbev export osi datasets/first --out osi
     """
     _require_osi()
-    from simbev_exporters.osi.export import export_osi
-    from simbev_ros.dataset import open_dataset
+    from simbev_exporters.osi.export import export_osi as export
 
-    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    console, failed, scenes = make_console(soft_wrap=True, highlight=False), 0, 0
-    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
-    with pooled as pool:
-        for seen, folder in exported_agents(opened, agent, out):
-            with counting_bar("messages", make_console(stderr=True), elapsed=True) as bar:
-                done = export_osi(seen, folder, pool=pool, report=bar.show)
-            there = done.scenes - done.made
-            console.print(f"{done.messages} messages of {plural(done.scenes, 'scene')} in {folder}")
-            if there:
-                console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
-            if not done.has_lanes:
-                console.print(f"there are no lanes: {load_extras()['sim'].remedy('what builds the roads')}")
-            for reason in done.failures.values():
-                console.print(reason, style="red")
-            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
-    if failed:
-        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
+    export_agents(
+        *(dataset, out, agent, workers, ray),
+        module=_MODULE,
+        memory_mib=_MEMORY_MIB,
+        unit="messages",
+        export=lambda seen, folder, pool, report: export(seen, folder, pool=pool, report=report),
+        report=_report,
+    )
+
+
+def _report(done: "Exported", out: Path, console: Console) -> None:
+    """Print what an export has made, and what is missing in it."""
+    show_count(f"{done.messages} messages of {plural(done.scenes, 'scene')} in {out}", done, console)
+    if not done.has_lanes:
+        console.print(f"there are no lanes: {load_extras()['sim'].remedy('what builds the roads')}")
 
 
 def _require_osi() -> None:

@@ -4,17 +4,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
 from simbev_exporters.cli.image_options import DatasetArgument, Out
 from simbev_exporters.cli.nuscenes import AllBoxes, Channels, channel_names
-from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
-from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
-from simbev_ros.foundation.errors import SimbevError
+from simbev_exporters.cli.pooled_export import export_agents, show_count
+from simbev_ros.cli.agent_option import ExportedAgentOption
+from simbev_ros.cli.console import plural
+from simbev_ros.cli.pool import Ray, Workers
 from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
-    from simbev_exporters.t4.export import Exported, T4Settings
+    from simbev_exporters.t4.export import Exported
 
 _MODULE, _MEMORY_MIB = "simbev_exporters.t4.export", 1024
 
@@ -53,40 +54,23 @@ def export_t4(
     simbev export t4 datasets/first --out t4 --keyframe-hz 2 --channel camera0=CAM_FRONT
     """
     from simbev_exporters.t4.export import T4Settings
+    from simbev_exporters.t4.export import export_t4 as export
 
     names = channel_names(channel or [])
     settings = T4Settings(None if all_frames else keyframe_hz, all_boxes, lidarseg, names)
-    _export(dataset, out, settings, agent, workers, ray)
+    export_agents(
+        *(dataset, out, agent, workers, ray),
+        module=_MODULE,
+        memory_mib=_MEMORY_MIB,
+        unit="frames",
+        export=lambda seen, folder, pool, report: export(seen, folder, settings, pool=pool, report=report),
+        report=_report,
+    )
 
 
-def _export(
-    dataset: Path, out: Path, settings: "T4Settings", agent: str | None, workers: str | None, ray: str | None
-) -> None:
-    """Export what the agents have recorded, and print what was made."""
-    from simbev_exporters.t4.export import export_t4
-    from simbev_ros.dataset import open_dataset
-
-    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    failed = scenes = 0
-    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
-    with pooled as pool:
-        for seen, folder in exported_agents(opened, agent, out):
-            with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
-                done = export_t4(seen, folder, settings, pool=pool, report=bar.show)
-            _report(done, folder)
-            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
-    if failed:
-        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
-
-
-def _report(done: "Exported", out: Path) -> None:
+def _report(done: "Exported", out: Path, console: Console) -> None:
     """Print what an export has made, and what is missing in it."""
-    console = make_console(soft_wrap=True, highlight=False)
-    there = done.scenes - done.made
-    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
-    if there:
-        console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
+    words = f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}"
+    show_count(words, done, console)
     if not done.has_maps:
         console.print(f"there are no Lanelet2 maps: {load_extras()['sim'].remedy('what builds the roads')}")
-    for reason in done.failures.values():
-        console.print(reason, style="red")

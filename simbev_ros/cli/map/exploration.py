@@ -69,7 +69,7 @@ def explore(
     triangles = sum(len(tile.mesh.triangles) for region in wanted for tile in cache.region(region).tiles)
     if to is not None and points:
         with console.status(f"points of {escape(spec.name)}"):
-            write_map(network, to, (tile for region in wanted for tile in cache.region(region).tiles))
+            write_map(network, to, (cache.region(region).tiles for region in wanted))
     if out is not None:
         with console.status(f"pictures of {escape(spec.name)}"):
             shown = None if len(regions) <= _FEW_REGIONS else reach

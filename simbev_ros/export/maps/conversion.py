@@ -1,6 +1,6 @@
 """Writes a map as a file of another form, chosen by its suffix: its roads, or points on its surfaces."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,23 +8,24 @@ from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.export.maps.exact_opendrive import exact_opendrive
 from simbev_ros.export.maps.lanelet2_file import autoware_rise_m, lanelet2_of, projector_info
 from simbev_ros.export.maps.osm_file import osm_of
-from simbev_ros.export.maps.point_map import point_map_of
+from simbev_ros.export.maps.point_map import point_map_of, scanners_of
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.maps.lanelet2.projector_info import FILE_NAME
 from simbev_ros.maps.network import RoadNetwork
 
-Writer = Callable[[RoadNetwork, Iterable[Tile]], list[bytes]]
+_Regions = Iterable[Sequence[Tile]]
+Writer = Callable[[RoadNetwork, _Regions], list[bytes]]
 """Makes the pieces of a file from the roads and the surroundings of a map."""
 
 
-def write_map(network: RoadNetwork, path: Path, tiles: Iterable[Tile] = ()) -> None:
+def write_map(network: RoadNetwork, path: Path, regions: _Regions = ()) -> None:
     """Write a map to a file, replacing it; a file for Autoware with ``map_projector_info.yaml`` in the same folder.
 
     Args:
         network: The map.
         path: Its suffix chooses the form, one of ``WRITERS``.
-        tiles: Tiles of its static scene, for the points of a ``.pcd``.
+        regions: Tiles of the regions of its static scene, for the points of a ``.pcd``.
 
     Raises:
         InputError: The suffix names no form, a file cannot be written, or the folder holds another map's projector.
@@ -36,7 +37,7 @@ def write_map(network: RoadNetwork, path: Path, tiles: Iterable[Tile] = ()) -> N
         with write_errors(beside):
             if beside.exists() and beside.read_bytes() != files[beside][0]:
                 raise InputError(f"{beside}: belongs to another map; choose a folder without one for {path.name}")
-    files[path] = writer(network, tiles)
+    files[path] = writer(network, regions)
     for file, content in files.items():
         with write_errors(file):
             write_whole(file, content)
@@ -68,20 +69,20 @@ def writer_of(path: Path) -> Writer:
     return found
 
 
-def _point_map(network: RoadNetwork, tiles: Iterable[Tile]) -> list[bytes]:
+def _point_map(network: RoadNetwork, regions: _Regions) -> list[bytes]:
     """Points in Autoware's map frame."""
-    return point_map_of(tiles, autoware_rise_m(network.datum))
+    return point_map_of(regions, scanners_of(network), autoware_rise_m(network.datum))
 
 
-def _lanelet2(network: RoadNetwork, _: Iterable[Tile]) -> list[bytes]:
+def _lanelet2(network: RoadNetwork, _: _Regions) -> list[bytes]:
     return [lanelet2_of(network)]
 
 
-def _osm(network: RoadNetwork, _: Iterable[Tile]) -> list[bytes]:
+def _osm(network: RoadNetwork, _: _Regions) -> list[bytes]:
     return [osm_of(network)]
 
 
-def _opendrive(network: RoadNetwork, _: Iterable[Tile]) -> list[bytes]:
+def _opendrive(network: RoadNetwork, _: _Regions) -> list[bytes]:
     """The map's OpenDRIVE file: of an OpenDRIVE map its own, of a net the one that netconvert made."""
     names = {strip.lane for strip in network.layout.strips}
     if names.isdisjoint(network.lanes) and not any("/" in name for name in names):  # lanes of neither, but of Lanelet2
@@ -89,7 +90,7 @@ def _opendrive(network: RoadNetwork, _: Iterable[Tile]) -> list[bytes]:
     return [network.opendrive_path.read_bytes()]
 
 
-def _sumo_net(network: RoadNetwork, _: Iterable[Tile]) -> list[bytes]:
+def _sumo_net(network: RoadNetwork, _: _Regions) -> list[bytes]:
     """The SUMO net that traffic runs on, with the map's position on Earth."""
     tree = ElementTree.parse(network.net_path)
     location = tree.getroot().find("location")

@@ -67,14 +67,15 @@ COLUMNS = {
 
 @lru_cache
 def topics() -> dict[str, Topic]:
-    """Topics that a graph with the paper's rig offers, by name."""
+    """Topics that a graph with the paper's rig, and video, offers, by name."""
     rig = load_scenario("paper").rig
-    sensors = [sensor.model_dump() for sensor in rig.sensors]
-    plain = made_up_spec(sensors)
+    filmed = [{**each.model_dump(), "video": "h264"} for each in rig.sensors if each.type == "camera"]
+    plain = made_up_spec([sensor.model_dump() for sensor in rig.sensors])
     labels = plain.agents[0].annotation.model_copy(update={"vector_map": VectorMapPatch()})
     spec = with_ego(plain, annotation=labels)
     found = [topic for form in (True, False) for topic in manifest(spec, compressed_images=form)]
-    found += [*display_topics(spec), Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray")]
+    found += [*manifest(made_up_spec(filmed), compressed_images=True), *display_topics(spec)]
+    found += [Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray")]
     return {topic.name: topic for topic in found}
 
 
@@ -154,7 +155,7 @@ def test_displays_and_panels_get_the_types_that_they_draw() -> None:
         assert {topics()[name].type for name in panel["topics"]} <= SHOWN_IN_3D
     for panel in panels("Image"):
         mode = panel["imageMode"]
-        assert topics()[mode["imageTopic"]].type in RVIZ_TYPES["Image"]
+        assert topics()[mode["imageTopic"]].type in {*RVIZ_TYPES["Image"], "foxglove_msgs/msg/CompressedVideo"}
         assert topics()[mode.get("calibrationTopic", "/ego/cam_front/camera_info")].type.endswith("CameraInfo")
         assert {topics()[name].type for name in mode.get("annotations", {})} <= {"visualization_msgs/msg/ImageMarker"}
     assert {topics()[panel["topicToRender"]].type for panel in diagnostics()} == {"diagnostic_msgs/msg/DiagnosticArray"}
@@ -210,7 +211,7 @@ def test_a_recorded_scene_has_them_with_these_types_and_columns(recorded: Path) 
         displays = named_topics() & made.keys()
         front = {name for name in named_topics() if "cam_front/" in name or "radar_front/" in name or "/lidar/" in name}
         others = {"/robot_description", "/ego/occupancy/points", "/ego/boxes/markers"}
-        live_only = {name for name in front if name.endswith("/image_raw")}  # the bag has the compressed form
+        live_only = {name for name in front if name.endswith(("/image_raw", "/video"))}  # the bag has other forms
         assert front - live_only <= shown | displays and others <= shown
         assert {name: found[name] for name in shown} == {name: topics()[name].type for name in shown}
         assert {"/ego/path", "/ego/vector_map/markers", "/world/markers", "/ego/cam_front/boxes/markers"} <= displays

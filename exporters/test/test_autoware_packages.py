@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from made_up_scene import SENSORS, made_up_spec, record_made_up
+from nuscenes_tables import digest
 from scipy.spatial.transform import Rotation
 from several_agents import car, roadside_unit, with_agents
 from typer.testing import CliRunner
@@ -19,6 +20,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Rig
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.scene.blueprints import blueprint_named
 
 CONFIG = """
@@ -128,6 +130,8 @@ def test_a_bag_describes_any_of_its_vehicles(tmp_path: Path) -> None:
     source = str(tmp_path / "set")
     export_packages(source, tmp_path / "first", "a")
     export_packages(source, tmp_path / "second", "b", "second")
+    export_packages(str(locate_mcap(tmp_path / "set/scenes/train/Blocks-0000")), tmp_path / "file", "a")
+    assert digest(tmp_path / "file") == digest(tmp_path / "first")
     first, second = (
         read(tmp_path / path / "config/sensor_kit_calibration.yaml")["sensor_kit_base_link"]
         for path in ("first/a_sensor_kit_description", "second/b_sensor_kit_description")

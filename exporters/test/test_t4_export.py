@@ -24,6 +24,7 @@ from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.channels import channels_of
+from simbev_ros.export.maps.point_map import REACH_M
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import Extra
 from simbev_ros.foundation.types import Float64Array
@@ -261,8 +262,23 @@ def test_the_vehicle_reports_its_state(folder: Path, tables: Any) -> None:
 def test_the_map_is_autowares(folder: Path) -> None:
     text = (folder / "out/Blocks-0000/map/lanelet2_map.osm").read_text()
     assert "lanelet" in text and (folder / "out/Blocks-0000/map/map_projector_info.yaml").is_file()
+    cloud = (folder / "out/Blocks-0000/map/pointcloud_map.pcd").read_bytes()
+    points_m = np.frombuffer(cloud[cloud.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 3)
+    path_m = [row["translation"] for row in tables_of(folder / "out/Blocks-0000")["ego_pose"]]
+    away_m = np.min([np.linalg.norm(points_m - place_m, axis=1) for place_m in path_m], axis=0)
+    assert len(points_m) > 10_000 and away_m.min() < 0.5 and 60.0 < away_m.max() < REACH_M + 3.0
     status = json.loads((folder / "out/Blocks-0000/status.json").read_text())
     assert status["scene"] == {"name": "Blocks-0000", "split": "val", "seed": 0, "map": "Blocks"}
+
+
+def test_the_bag_is_copied_on_request(folder: Path, tmp_path: Path) -> None:
+    export(folder / "set", tmp_path / "out", input_bag=True)
+    bag, copy = folder / "set/scenes/val/Blocks-0000", tmp_path / "out/Blocks-0000/input_bag"
+    assert {file.name: file.read_bytes() for file in copy.iterdir()} == {
+        file.name: file.read_bytes() for file in bag.iterdir()
+    }
+    export(folder / "set", tmp_path / "out")
+    assert not copy.exists() or not any(copy.iterdir())
 
 
 def test_without_the_simulator_there_is_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -322,6 +338,8 @@ def test_a_damaged_scene_leaves_nothing(tmp_path: Path) -> None:
     assert made.spec.ticks == 4
     done = export(tmp_path / "set", tmp_path / "out")
     assert list(done.failures) == ["Blocks-0000"] and not (tmp_path / "out/Blocks-0000").exists()
+    result = CliRunner().invoke(app, ["export", "t4", str(tmp_path / "set"), "--out", str(tmp_path / "out")])
+    assert isinstance(result.exception, InputError) and "CRC" in str(result.exception)
 
 
 def test_a_scene_with_impossible_content_does_not_keep_others_from_being_exported(

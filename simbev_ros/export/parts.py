@@ -16,11 +16,11 @@ Records and staging folders are in the export's folder ``.parts``. The caller ho
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.foundation.errors import InputError
@@ -28,7 +28,7 @@ from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, locate_mcap
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, is_dataset, locate_mcap
 
 PARTS_FOLDER = ".parts"
 
@@ -85,19 +85,25 @@ class Part:
             self._staging.mkdir(parents=True)
 
     def write(self, path: str, content: bytes) -> None:
-        """Write a file of the part, which appears at its final path when the part is finished.
+        """Write a file of the part at once. Arguments and errors as for ``open``."""
+        with self.open(path) as file:
+            file.write(content)
+
+    @contextmanager
+    def open(self, path: str) -> Iterator[BinaryIO]:
+        """Open a file of the part to write it, which appears at its final path when the part is finished.
 
         Args:
             path: Final path, relative to ``out``.
-            content: Content of the file.
 
         Raises:
             InputError: The file cannot be written.
         """
-        file = path_inside(self._staging, path)
+        staged = path_inside(self._staging, path)
         with write_errors(self.out / path):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(content)
+            staged.parent.mkdir(parents=True, exist_ok=True)
+            with staged.open("wb") as file:
+                yield file
 
     def finish(self, facts: Json) -> None:
         """Move the files of the part to their final paths, then write its record.
@@ -173,8 +179,11 @@ def hold_export(out: Path) -> Iterator[None]:
 
     Raises:
         DiskError: The disk is full.
-        InputError: The folder cannot be written to, another process writes into it, or a link in it leads out of it.
+        InputError: The folder is a dataset or cannot be written to, another process writes into it, or a link in it
+            leads out of it.
     """
+    if is_dataset(out):
+        raise InputError(f"{out}: holds a dataset; choose another folder for what is exported")
     with DatasetLock(out), write_errors(out):
         for entry in sorted(out.iterdir()):
             refuse_links_out(out, entry.name)
@@ -193,6 +202,23 @@ def fingerprint_of(bag: Path) -> str:
 def is_begun(out: Path) -> bool:
     """Whether a folder contains an export in parts, finished or not."""
     return (out / PARTS_FOLDER).is_dir()
+
+
+def remove_vanished(out: Path, present: Collection[str], patterns_of: Callable[[str], tuple[str, ...] | None]) -> None:
+    """Remove earlier parts without data, such as the end of a scene that is shorter now.
+
+    Args:
+        out: Folder of the export.
+        present: Names of the parts that there are now.
+        patterns_of: Patterns of the files of a part, by its name; None: the part stays.
+
+    Raises:
+        InputError: A file cannot be removed.
+    """
+    for name in part_names(out) - set(present):
+        patterns = patterns_of(name)
+        if patterns is not None:
+            Part(out=out, name=name, identity={}, patterns=patterns).remove()
 
 
 def part_names(out: Path) -> set[str]:

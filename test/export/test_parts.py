@@ -124,6 +124,13 @@ def test_a_folder_that_cannot_be_written_to_is_an_input_error(tmp_path: Path) ->
         part(tmp_path / "out").begin()
 
 
+def test_an_export_does_not_go_into_a_dataset(tmp_path: Path) -> None:
+    (tmp_path / "set/scenes").mkdir(parents=True)
+    with pytest.raises(InputError, match="set: holds a dataset; choose another folder"), hold_export(tmp_path / "set"):
+        pass
+    assert [*(tmp_path / "set").iterdir()] == [tmp_path / "set/scenes"]
+
+
 def test_a_link_that_leads_out_of_the_export_is_refused(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "out/samples").mkdir(parents=True)

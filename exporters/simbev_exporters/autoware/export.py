@@ -52,7 +52,7 @@ def export_packages(source: str, out: Path, name: str, agent: str | None = None)
 
 def _carrier(source: str, agent: str | None) -> tuple[Rig, Blueprint]:
     """The rig and the vehicle that carries it."""
-    if Path(source).is_dir():
+    if Path(source).is_dir() or Path(source).suffix == ".mcap":
         return _recorded_carrier(Path(source), agent)
     scenario = load_scenario(source)
     if agent not in (None, scenario.rig.agent):

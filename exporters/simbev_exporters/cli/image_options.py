@@ -1,16 +1,15 @@
 """Options that the exports to layouts of labeled images share, and their common work."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
 
+from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_exporters.cli.words import different_words
-from simbev_ros.cli.agent_option import exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
-from simbev_ros.cli.pool import open_pool, shared_path
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.cli.console import plural
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BOX_CLASSES, MOVING_CLASSES
 
 if TYPE_CHECKING:
@@ -58,39 +57,25 @@ def chosen(
 def export_layout(
     dataset: Path, out: Path, layout: "Layout", agent: str | None, workers: str | None, ray: str | None
 ) -> None:
-    """Export what the agents have recorded, and print what was made.
-
-    Raises:
-        InputError: As ``export_images`` does.
-        SimbevError: A scene could not be exported.
-    """
+    """Export what the agents have recorded, and print what was made; errors are those of ``export_agents``."""
     from simbev_exporters.labeled_images.export import export_images
-    from simbev_ros.dataset import open_dataset
 
-    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    console, failed, scenes = make_console(soft_wrap=True, highlight=False), 0, 0
-    module = type(layout).__module__
-    pooled = open_pool(workers, ray, module=module, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
-    with pooled as pool:
-        for seen, folder in exported_agents(opened, agent, out):
-            with counting_bar("images", make_console(stderr=True), elapsed=True) as bar:
-                done = export_images(seen, folder, layout, pool=pool, report=bar.show)
-            for line in _lines(done, folder, layout):
-                console.print(line)
-            for reason in done.failures.values():
-                console.print(reason, style="red")
-            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
-    if failed:
-        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
+    export_agents(
+        *(dataset, out, agent, workers, ray),
+        module=type(layout).__module__,
+        memory_mib=_MEMORY_MIB,
+        unit="images",
+        export=lambda seen, folder, pool, report: export_images(seen, folder, layout, pool=pool, report=report),
+        report=lambda done, folder, console: _report(done, folder, layout, console),
+    )
 
 
-def _lines(done: "Exported", out: Path, layout: "Layout") -> Iterator[str]:
-    """Lines of text that say what was made and what is missing."""
-    images, there = sum(done.images.values()), done.scenes - done.made
-    yield f"{plural(images, 'image')} with {plural(done.objects, 'object')} of {plural(done.scenes, 'scene')} in {out}"
+def _report(done: "Exported", out: Path, layout: "Layout", console: Console) -> None:
+    """Print what an export has made, and what is missing in it."""
+    images, objects = plural(sum(done.images.values()), "image"), plural(done.objects, "object")
+    console.print(f"{images} with {objects} of {plural(done.scenes, 'scene')} in {out}")
     if done.images:
-        yield ", ".join(f"{split}: {count}" for split, count in done.images.items())
-    if there:
-        yield f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already"
+        console.print(", ".join(f"{split}: {count}" for split, count in done.images.items()))
+    show_earlier(done, console)
     if done.left_out:
-        yield f"left out, as {layout.left_out}: {', '.join(done.left_out)}"
+        console.print(f"left out, as {layout.left_out}: {', '.join(done.left_out)}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_exporters.cli.pooled_export import export_agents, show_count
+from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_exporters.cli.words import different_words
 from simbev_exporters.nuscenes.scene_names import SceneNames
 from simbev_ros.cli.agent_option import ExportedAgentOption
@@ -130,8 +130,8 @@ def channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 def _report(done: "Exported", out: Path, console: Console) -> None:
     """Print what an export has made, and what is missing in it."""
-    words = f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}"
-    show_count(words, done, console)
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
+    show_earlier(done, console)
     for place, (x_m, y_m) in done.origins_m.items():
         console.print(f"{place}: nuScenes' origin is at x {x_m:g} m, y {y_m:g} m of the map (origin_m in map.json)")
     for why in sorted(set(done.unlabeled.values())):

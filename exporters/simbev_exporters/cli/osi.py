@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from simbev_exporters.cli.image_options import DatasetArgument, Out
-from simbev_exporters.cli.pooled_export import export_agents, show_count
+from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_ros.cli.agent_option import ExportedAgentOption
 from simbev_ros.cli.console import plural
 from simbev_ros.cli.pool import Ray, Workers
@@ -57,7 +57,8 @@ def export_osi(
 
 def _report(done: "Exported", out: Path, console: Console) -> None:
     """Print what an export has made, and what is missing in it."""
-    show_count(f"{done.messages} messages of {plural(done.scenes, 'scene')} in {out}", done, console)
+    console.print(f"{done.messages} messages of {plural(done.scenes, 'scene')} in {out}")
+    show_earlier(done, console)
     if not done.has_lanes:
         console.print(f"there are no lanes: {load_extras()['sim'].remedy('what builds the roads')}")
 

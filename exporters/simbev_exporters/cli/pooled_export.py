@@ -9,7 +9,7 @@ from rich.console import Console
 from simbev_ros.cli.agent_option import exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import open_pool, shared_path
-from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.errors import InputError, SimbevError
 
 if TYPE_CHECKING:
     from simbev_ros.dataset import Dataset
@@ -44,27 +44,30 @@ def export_agents(
         report: Prints the other lines of a result, given the folder.
 
     Raises:
-        SimbevError: A scene could not be exported.
+        InputError: No scene could be exported.
+        SimbevError: Some could not.
     """
     from simbev_ros.dataset import open_dataset
 
     opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    console, failed, scenes = make_console(soft_wrap=True, highlight=False), 0, 0
+    console, failures, scenes = make_console(soft_wrap=True, highlight=False), list[str](), 0
     pooled = open_pool(workers, ray, module=module, memory_mib=memory_mib, reads=[dataset], writes=[out])
     with pooled as pool:
         for seen, folder in exported_agents(opened, agent, out):
             with counting_bar(unit, make_console(stderr=True), elapsed=True) as bar:
                 done = export(seen, folder, pool, bar.show)
-            report(done, folder, console)
-            for reason in done.failures.values():
-                console.print(reason, style="red")
-            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
-    if failed:
-        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
+            if done.scenes:
+                report(done, folder, console)
+            failures, scenes = [*failures, *done.failures.values()], scenes + len(seen.scenes)
+    if len(failures) == scenes:
+        raise InputError("\n".join(failures))
+    for reason in failures:
+        console.print(reason, style="red")
+    if failures:
+        raise SimbevError(f"{len(failures)} of {plural(scenes, 'scene')} could not be exported")
 
 
-def show_count(words: str, done: Any, console: Console) -> None:
-    """Print what an export holds, and how many of its scenes were there before."""
-    console.print(words)
+def show_earlier(done: Any, console: Console) -> None:
+    """Print how many scenes of an export were there before."""
     if there := done.scenes - done.made:
         console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from simbev_exporters.cli.image_options import DatasetArgument, Out
 from simbev_exporters.cli.nuscenes import AllBoxes, Channels, channel_names
-from simbev_exporters.cli.pooled_export import export_agents, show_count
+from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_ros.cli.agent_option import ExportedAgentOption
 from simbev_ros.cli.console import plural
 from simbev_ros.cli.pool import Ray, Workers
@@ -33,6 +33,7 @@ def export_t4(
             help="Write the categories of lidar points, where semantic clouds were recorded; not for t4-devkit 0.1.0.",
         ),
     ] = False,
+    input_bag: Annotated[bool, typer.Option("--input-bag", help="Copy the scene's bag, with our topics.")] = False,
     channel: Channels = None,
     agent: ExportedAgentOption = None,
     workers: Workers = None,
@@ -42,7 +43,7 @@ def export_t4(
 
     A scene's folder has annotation, data, map and status.json; splits.yaml lists the folders of each split. All poses
     are about Autoware's base_link at the rear axle, the clouds of all lidars are LIDAR_CONCAT, and positions are in the
-    map frame, that of map/lanelet2_map.osm.
+    map frame, that of map/lanelet2_map.osm and of map/pointcloud_map.pcd, which has what is seen along the path.
 
     After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
     written.
@@ -57,7 +58,7 @@ def export_t4(
     from simbev_exporters.t4.export import export_t4 as export
 
     names = channel_names(channel or [])
-    settings = T4Settings(None if all_frames else keyframe_hz, all_boxes, lidarseg, names)
+    settings = T4Settings(None if all_frames else keyframe_hz, all_boxes, lidarseg, input_bag, names)
     export_agents(
         *(dataset, out, agent, workers, ray),
         module=_MODULE,
@@ -70,7 +71,7 @@ def export_t4(
 
 def _report(done: "Exported", out: Path, console: Console) -> None:
     """Print what an export has made, and what is missing in it."""
-    words = f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}"
-    show_count(words, done, console)
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
+    show_earlier(done, console)
     if not done.has_maps:
-        console.print(f"there are no Lanelet2 maps: {load_extras()['sim'].remedy('what builds the roads')}")
+        console.print(f"there are no maps: {load_extras()['sim'].remedy('what builds the roads')}")

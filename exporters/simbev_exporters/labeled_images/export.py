@@ -9,11 +9,11 @@ from pathlib import Path
 
 from simbev_exporters.labeled_images.layout import ImagePart, Layout, make_part
 from simbev_exporters.recorded_sensors import recorded_cameras
+from simbev_exporters.scene_parts import Failures, Report, ignore_progress, make_missing, source_of, without
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
-from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished, source_of
-from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun, remove_vanished
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors
 
@@ -64,24 +64,18 @@ def export_images(
     counts: dict[str, int] = {}
     for scene in dataset.scenes:
         try:
-            parts.append(_part(scene, out, layout))
             recorded |= {*recorded_cameras(scene)}
             counts[scene.name] = len(layout.images_of(scene))
+            parts.append(_part(scene, out, layout))
         except BagError as error:
             failures[scene.name] = str(error)
     _require_different(dataset, parts)
     _require_cameras(layout, recorded)
     with hold_export(out):
         _remove_vanished(out, layout, parts)
-        missing = [part for part in parts if part.scene.name in counts and part.record() is None]
-        images = sum(counts[part.scene.name] for part in missing)
-        failures |= make_parts(make_part, missing, pool, report, images)
-        for part in parts:
-            if part.scene.name in failures:
-                part.remove()
-            else:
-                part.tidy_up()
-        finished = [part for part in parts if part.scene.name not in failures]
+        missing, failed = make_missing(make_part, parts, pool, report, lambda part: counts[part.scene.name])
+        failures |= failed
+        finished = without(parts, failures)
         with foreign_content(out / PARTS_FOLDER), write_errors(out):
             layout.finish(out, finished)
     records = [part.finished_record() for part in finished]

@@ -16,10 +16,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from simbev_exporters.recorded_sensors import recorded_cameras
+from simbev_exporters.scene_parts import PartOfScene
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.dataset.frame_period import frame_period
 from simbev_ros.dataset.parallel import report_step
-from simbev_ros.export.parts import Json, Part
+from simbev_ros.export.parts import Json
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.semantics import BOX_CLASSES, MOVING_CLASSES
 from simbev_ros.foundation.types import Table
@@ -43,15 +44,13 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImagePart(Part):
+class ImagePart(PartOfScene):
     """The images of one scene as a part of the export. Its record has their number, that of ``objects``, and ``facts``.
 
     Attributes:
-        scene: The scene.
         layout: The layout.
     """
 
-    scene: Scene
     layout: "Layout"
 
 

@@ -20,10 +20,10 @@ from simbev_exporters.nuscenes.scene_names import numbered
 from simbev_exporters.nuscenes.scene_part import ScenePart
 from simbev_exporters.nuscenes.sites import Site
 from simbev_exporters.nuscenes.taxonomy import Record
+from simbev_exporters.scene_parts import PartOfScene, source_of
 from simbev_ros.config.positioning import Imu
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.export.part_making import source_of
-from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
+from simbev_ros.export.parts import PARTS_FOLDER, Json
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array, Table
@@ -42,16 +42,14 @@ _STATISTICS: dict[str, Callable[..., Any]] = {"max": np.max, "mean": np.mean, "m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CanBusPart(Part):
+class CanBusPart(PartOfScene):
     """The CAN bus messages of a scene as one part of the export.
 
     Attributes:
-        scene: The scene.
         published_name: Name of the scene in the tables.
         origin_m: Origin of nuScenes' global frame, map frame.
     """
 
-    scene: Scene
     published_name: str
     origin_m: tuple[float, float]
 

@@ -23,12 +23,12 @@ from simbev_exporters.nuscenes.scene_names import SceneNames, published_names
 from simbev_exporters.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_exporters.nuscenes.sites import Site, sites_of
 from simbev_exporters.nuscenes.tables import write_tables
-from simbev_ros.dataset import Dataset, Scene
+from simbev_exporters.scene_parts import Failures, Report, frame_count, ignore_progress, make_parts, unfinished, without
+from simbev_ros.dataset import Dataset
 from simbev_ros.dataset.nuscenes.channels import ChannelNames, require_named_sensors
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
-from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts
 from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun
-from simbev_ros.foundation.errors import BagError, InputError, foreign_content
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.png import RowFilter, encode_png
@@ -160,17 +160,17 @@ def _export(
     report: Report,
 ) -> Exported:
     """Make the parts that are missing, then what is about all of them."""
-    missing = _unfinished(parts)
-    failures = make_parts(make_part, missing, pool, report, sum(_frame_count(part.scene) for part in missing))
+    missing = unfinished(parts)
+    failures = make_parts(make_part, missing, pool, report, sum(map(frame_count, missing)))
     made = len(missing) - len(failures)
     versions = _versions(parts, settings)
     labeled = {
-        version: lidarseg_parts(_without(group, failures), version) if settings.lidarseg else []
+        version: lidarseg_parts(without(group, failures), version) if settings.lidarseg else []
         for version, group in versions.items()
     }
     all_labeled = [part for group in labeled.values() for part in group]
-    failures |= make_parts(make_lidarseg_part, _unfinished(all_labeled), pool)
-    finished = _without(parts, failures)
+    failures |= make_parts(make_lidarseg_part, unfinished(all_labeled), pool)
+    finished = without(parts, failures)
     with foreign_content(out / PARTS_FOLDER):
         summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
         sites = sites_of(summaries, has_roads=not load_extras()["sim"].missing)
@@ -179,10 +179,10 @@ def _export(
     failures |= _make_buses(buses, pool, wanted=settings.can_bus)
     classes: dict[str, tuple[str, ...]] = {}
     for version, group in versions.items():
-        of_version = _without(labeled[version], failures)
+        of_version = without(labeled[version], failures)
         with foreign_content(out / PARTS_FOLDER), write_errors(out):
             labels = [row for part in of_version for row in part.rows()]
-            if there := _without(group, failures):
+            if there := without(group, failures):
                 classes |= write_tables(out, there, sites, version, names, labels)
             remove_other_labels(out, version, of_version)
     for part in (*parts, *all_labeled, *buses):
@@ -211,15 +211,6 @@ def _versions(parts: Sequence[ScenePart], settings: ExportSettings) -> dict[str,
     return versions
 
 
-def _unfinished(parts: Sequence[P]) -> list[P]:
-    return [part for part in parts if part.record() is None]
-
-
-def _without(parts: Sequence[P], failures: Failures) -> list[P]:
-    """The parts of scenes that could be exported."""
-    return [part for part in parts if part.scene.name not in failures]
-
-
 def _write_maps(sites: Sequence[Site], out: Path, *, with_expansion: bool) -> None:
     """Write the masks of sites, and their vector maps or none; without the simulator, masks without roads."""
     for site in sites:
@@ -236,15 +227,7 @@ def _write_maps(sites: Sequence[Site], out: Path, *, with_expansion: bool) -> No
 def _make_buses(buses: Sequence[CanBusPart], pool: Pool, *, wanted: bool) -> Failures:
     """Make the messages of the CAN bus that are missing, or remove all."""
     if wanted:
-        return make_parts(make_can_bus_part, _unfinished(buses), pool)
+        return make_parts(make_can_bus_part, unfinished(buses), pool)
     for bus in buses:
         bus.remove()
     return {}
-
-
-def _frame_count(scene: Scene) -> int:
-    """Number of frames of a scene; 0 for a damaged one, which is reported when it is exported."""
-    try:
-        return len(scene)
-    except BagError:
-        return 0

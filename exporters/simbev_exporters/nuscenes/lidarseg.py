@@ -13,11 +13,11 @@ from pathlib import Path
 from simbev_exporters.nuscenes.point_categories import labels_of_points, labels_of_surfaces
 from simbev_exporters.nuscenes.scene_part import ScenePart
 from simbev_exporters.nuscenes.taxonomy import Record, sample_data_token, scene_token
+from simbev_exporters.scene_parts import PartOfScene, source_of
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.dataset.nuscenes.channels import TOP_LIDAR, Channel, channels_of
 from simbev_ros.dataset.nuscenes.keyframes import keyframe_by_tick, keyframes_of
-from simbev_ros.export.part_making import source_of
 from simbev_ros.export.parts import PARTS_FOLDER, Part
 from simbev_ros.foundation.types import UInt8Array
 
@@ -26,16 +26,14 @@ FOLDER = "lidarseg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LidarsegPart(Part):
+class LidarsegPart(PartOfScene):
     """The labels of a scene as one part of the export. Its record contains the rows of the table ``lidarseg``.
 
     Attributes:
-        scene: The scene.
         keyframe_hz: Number of keyframes per second; None: every frame is one.
         version: Name of the tables' folder.
     """
 
-    scene: Scene
     keyframe_hz: float | None
     version: str
 

@@ -12,28 +12,26 @@ from pathlib import Path
 from simbev_exporters.nuscenes.annotations import Annotations
 from simbev_exporters.nuscenes.scene_tables import SceneTables
 from simbev_exporters.nuscenes.taxonomy import Record
-from simbev_ros.dataset import Dataset, Scene
+from simbev_exporters.scene_parts import PartOfScene, source_of
+from simbev_ros.dataset import Dataset
 from simbev_ros.dataset.nuscenes.channels import NO_NAMES, ChannelNames, channels_of
 from simbev_ros.dataset.nuscenes.keyframes import keyframes_of, swept_ticks
 from simbev_ros.dataset.parallel import report_step
-from simbev_ros.export.part_making import source_of
-from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
+from simbev_ros.export.parts import PARTS_FOLDER, Json
 from simbev_ros.foundation.files.structured_text import parse_json
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScenePart(Part):
+class ScenePart(PartOfScene):
     """A scene as one part of the export. Its record contains the item ``summary``, facts that the tables need early.
 
     Attributes:
-        scene: The scene.
         keyframe_hz: Number of keyframes per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
         keep_unhit: Whether boxes without lidar and radar points are annotated.
         channels: Channels of sensors with other names than by default, ``channels_of``.
     """
 
-    scene: Scene
     keyframe_hz: float | None
     sweeps: bool
     keep_unhit: bool

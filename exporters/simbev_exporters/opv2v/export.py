@@ -13,12 +13,12 @@ from pathlib import Path
 from simbev_exporters.opv2v.connected_agents import ConnectedAgent, connected_agents, exported_ticks
 from simbev_exporters.opv2v.frames import FrameSettings, Record, frame_files, motion_of, yaml_file
 from simbev_exporters.recorded_sensors import recorded_cameras
+from simbev_exporters.scene_parts import Failures, PartOfScene, Report, ignore_progress, make_missing
 from simbev_ros import __version__
-from simbev_ros.dataset import Dataset, Scene
+from simbev_ros.dataset import Dataset
 from simbev_ros.dataset.frame_period import frame_period
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
-from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished
-from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, hold_export, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, fingerprint_of, hold_export, is_begun, remove_vanished
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.whole_files import write_whole
@@ -34,16 +34,14 @@ _PROTOCOL = "data_protocol.yaml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AgentPart(Part):
+class AgentPart(PartOfScene):
     """One agent of a scene as a part of the export. Its record contains the item ``frames``, their number.
 
     Attributes:
-        scene: The scene.
         folder: Name of the agent's folder.
         settings: Settings of the export.
     """
 
-    scene: Scene
     folder: str
     settings: FrameSettings
 
@@ -103,14 +101,8 @@ def export_opv2v(
     parts = [_part(agent, out, settings) for of_scene in agents.values() for agent in of_scene]
     with hold_export(out):
         _remove_vanished(out, dataset, parts)
-        missing = [part for part in parts if part.record() is None]
-        frames = sum(len(range(0, len(part.scene), _period(part))) for part in missing)
-        failures |= make_parts(make_part, missing, pool, report, frames)
-        for part in parts:
-            if part.scene.name in failures:
-                part.remove()
-            else:
-                part.tidy_up()
+        missing, failed = make_missing(make_part, parts, pool, report, _frame_count)
+        failures |= failed
         finished = {name: of_scene for name, of_scene in agents.items() if name not in failures}
         for of_scene in finished.values():
             _write_protocol(of_scene, out, settings)
@@ -186,8 +178,8 @@ def _part(agent: ConnectedAgent, out: Path, settings: FrameSettings) -> AgentPar
     )
 
 
-def _period(part: AgentPart) -> int:
-    return frame_period(part.scene, part.settings.rate_hz, "rate_hz")
+def _frame_count(part: AgentPart) -> int:
+    return len(range(0, len(part.scene), frame_period(part.scene, part.settings.rate_hz, "rate_hz")))
 
 
 def _remove_vanished(out: Path, dataset: Dataset, parts: Sequence[AgentPart]) -> None:

@@ -10,10 +10,19 @@ from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from simbev_ros.dataset import Dataset, Scene
+from simbev_exporters.scene_parts import (
+    Failures,
+    PartOfScene,
+    Report,
+    frame_count,
+    ignore_progress,
+    make_missing,
+    source_of,
+    without,
+)
+from simbev_ros.dataset import Dataset
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
-from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, source_of
-from simbev_ros.export.parts import PARTS_FOLDER, Part, hold_export
+from simbev_ros.export.parts import PARTS_FOLDER, hold_export
 from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.object_store.object_path import require_local
@@ -24,15 +33,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OsiPart(Part):
+class OsiPart(PartOfScene):
     """The trace of a scene as one part of the export. Its record has the number of ``messages``.
 
     Attributes:
-        scene: The scene.
         has_lanes: Whether lanes are written, which needs the simulator.
     """
 
-    scene: Scene
     has_lanes: bool
 
 
@@ -84,11 +91,8 @@ def export_osi(dataset: Dataset, out: Path, *, pool: Pool = OWN_PROCESS, report:
         for scene in dataset.scenes
     ]
     with hold_export(out):
-        missing = [part for part in parts if part.record() is None]
-        failures = make_parts(make_part, missing, pool, report, sum(len(part.scene) for part in missing))
-        for part in parts:
-            part.remove() if part.scene.name in failures else part.tidy_up()
-        finished = [part for part in parts if part.scene.name not in failures]
+        missing, failures = make_missing(make_part, parts, pool, report, frame_count)
+        finished = without(parts, failures)
         with foreign_content(out / PARTS_FOLDER):
             messages = sum(part.finished_record()["messages"] for part in finished)
     return Exported(len(finished), len(missing) - len(failures), messages, failures, has_lanes)
@@ -101,10 +105,11 @@ def make_part(part: OsiPart) -> None:
         InputError: The scene's roads cannot be built, or a file cannot be written.
         BagError: The bag is damaged or lacks data.
     """
-    from simbev_exporters.osi.ground_truth import ground_truths
-    from simbev_exporters.osi.trace import trace_file, trace_name
+    from simbev_exporters.osi.ground_truth import ground_truths, true_ticks
+    from simbev_exporters.osi.trace import trace_name, write_trace
 
     scene, roads = part.scene, None
+    ticks = true_ticks(scene)
     part.begin()
     if part.has_lanes:
         from simbev_exporters.osi.lanes import map_messages
@@ -113,11 +118,11 @@ def make_part(part: OsiPart) -> None:
         roads = map_messages(recorded_roads(require_local(scene.path)))
 
     def counted() -> Iterator["GroundTruth"]:
-        for message in ground_truths(scene, roads):
+        for message in ground_truths(scene, ticks, roads):
             yield message
             report_step()
 
-    content, count = trace_file(counted(), f"{scene.name}: {scene.map}, {scene.split}")
     start = datetime.fromtimestamp(int(scene.stamps_ns[0]) // NS_PER_S, UTC)
-    part.write(trace_name(f"{start:%Y%m%dT%H%M%SZ}", count, scene.name), content)
-    part.finish({"messages": count})
+    with part.open(trace_name(f"{start:%Y%m%dT%H%M%SZ}", len(ticks), scene.name)) as file:
+        write_trace(file, counted(), f"{scene.name}: {scene.map}, {scene.split}")
+    part.finish({"messages": len(ticks)})

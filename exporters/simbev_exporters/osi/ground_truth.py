@@ -3,9 +3,10 @@
 A scene enters; messages in order of time leave. The first one alone has the lanes, which do not change.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_version_pb2 import DESCRIPTOR, current_interface_version
 
@@ -21,31 +22,39 @@ if TYPE_CHECKING:
 _REQUIRED = "world/actors"
 
 
-def ground_truths(scene: Scene, roads: "MapMessages | None") -> Iterator[GroundTruth]:
-    """The ground truth of each tick with actors.
-
-    Args:
-        scene: The scene.
-        roads: Lanes of its map; None: they are left out.
+def true_ticks(scene: Scene) -> list[int]:
+    """Ticks of which there is ground truth, those with actors.
 
     Raises:
         BagError: The bag is damaged, or no actors were recorded.
     """
     if _REQUIRED not in scene.sources or "world/legend" not in scene.constants:
         raise BagError(f"{scene.path}: no {_REQUIRED} or world/legend in it, of which ground truth is made")
+    return list(map(int, np.flatnonzero(scene.has([_REQUIRED]))))
+
+
+def ground_truths(scene: Scene, ticks: Sequence[int], roads: "MapMessages | None") -> Iterator[GroundTruth]:
+    """The ground truth of each of the ``true_ticks``.
+
+    Args:
+        scene: The scene.
+        ticks: The ticks.
+        roads: Lanes of its map; None: they are left out.
+
+    Raises:
+        BagError: The bag is damaged.
+    """
     legend = scene.constants["world/legend"]
-    messages, is_first = ActorMessages(legend["blueprints"]), True
+    messages = ActorMessages(legend["blueprints"])
     opendrive_ids = [each["opendrive_id"] for each in legend["signals"]]
-    for frame in scene:
-        if _REQUIRED in frame:
-            truth = _dynamic(frame, messages, opendrive_ids)
-            if roads is not None:
-                truth.proj_string = roads.proj_string
-                if is_first:
-                    truth.lane.extend(roads.lanes)
-                    truth.lane_boundary.extend(roads.boundaries)
-            is_first = False
-            yield truth
+    for tick in ticks:
+        truth = _dynamic(scene[tick], messages, opendrive_ids)
+        if roads is not None:
+            truth.proj_string = roads.proj_string
+            if tick == ticks[0]:
+                truth.lane.extend(roads.lanes)
+                truth.lane_boundary.extend(roads.boundaries)
+        yield truth
 
 
 def osi_version() -> tuple[int, int, int]:

@@ -1,10 +1,10 @@
 """Trace files of OSI: MCAP by the rules of ASAM OSI 3.8, "Multi channel trace file format", with one channel.
 
-Messages in order of time enter; the bytes of a file leave.
+Messages in order of time enter, one by one; a file leaves.
 """
 
 from collections.abc import Iterable
-from io import BytesIO
+from typing import BinaryIO
 
 from google.protobuf import __version__ as protobuf_version
 from mcap.well_known import MessageEncoding, SchemaEncoding
@@ -22,14 +22,15 @@ _EPOCH = "1970-01-01T00:00:00Z"
 """Simulated time of stamp 0."""
 
 
-def trace_file(messages: Iterable[GroundTruth], description: str) -> tuple[bytes, int]:
-    """A trace file of ground truth and the number of its messages.
+def write_trace(file: BinaryIO, messages: Iterable[GroundTruth], description: str) -> None:
+    """Write a trace file of ground truth; in memory are about 1 MiB of messages.
 
     Args:
+        file: The file, empty.
         messages: The messages in order of time.
         description: Text about the data.
     """
-    osi, file, count = version_text(), BytesIO(), 0
+    osi = version_text()
     writer = Writer(file, compression=CompressionType.ZSTD)
     writer.start(profile="", library=f"simbev_ros {__version__}")
     versions = {
@@ -55,9 +56,7 @@ def trace_file(messages: Iterable[GroundTruth], description: str) -> tuple[bytes
         stamp_ns = message.timestamp.seconds * NS_PER_S + message.timestamp.nanos
         data = message.SerializeToString(deterministic=True)
         writer.add_message(channel_id=channel_id, log_time=stamp_ns, publish_time=stamp_ns, data=data)
-        count += 1
     writer.finish()
-    return file.getvalue(), count
 
 
 def version_text() -> str:

@@ -14,6 +14,15 @@ import numpy as np
 import yaml
 
 from simbev_exporters.nuscenes.taxonomy import Record
+from simbev_exporters.scene_parts import (
+    Failures,
+    PartOfScene,
+    Report,
+    ignore_progress,
+    make_missing,
+    source_of,
+    without,
+)
 from simbev_exporters.t4.scene_tables import T4Tables
 from simbev_ros import __version__
 from simbev_ros.config.scenario import SPLITS
@@ -21,17 +30,17 @@ from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.nuscenes.channels import ChannelNames, require_named_sensors
 from simbev_ros.dataset.nuscenes.keyframes import swept_ticks
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
-from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, source_of
-from simbev_ros.export.parts import PARTS_FOLDER, Part, hold_export, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.object_store.object_path import require_local
+from simbev_ros.recording.layout import METADATA_FILE, mcap_files
 
 SPLITS_FILE = "splits.yaml"
 """File that lists the datasets of each split."""
 
-_FOLDERS = ("annotation", "data/*", "lidarseg/annotation", "map", "")
+_FOLDERS = ("annotation", "data/*", "input_bag", "lidarseg/annotation", "map", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +51,14 @@ class T4Settings:
         keyframe_hz: Number of samples, which have annotations, per second; None: every frame is one.
         keep_unhit: Whether boxes without lidar and radar points are annotated.
         lidarseg: Whether to write the categories of lidar points, for scenes with semantic clouds of all lidars.
+        input_bag: Whether to copy the scene's bag.
         channels: Channels of cameras and radars that are not to have the names of ``channels_of``.
     """
 
     keyframe_hz: float | None = 10.0
     keep_unhit: bool = False
     lidarseg: bool = False
+    input_bag: bool = False
     channels: ChannelNames = field(default_factory=dict)
 
 
@@ -55,16 +66,14 @@ _DEFAULTS = T4Settings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class T4Part(Part):
+class T4Part(PartOfScene):
     """The dataset of a scene as one part of the export. Its record has the numbers of ``samples`` and ``files``.
 
     Attributes:
-        scene: The scene.
         settings: Settings of the export.
-        has_map: Whether the Lanelet2 map is written, which needs the simulator.
+        has_map: Whether the map is written, which needs the simulator.
     """
 
-    scene: Scene
     settings: T4Settings
     has_map: bool
 
@@ -79,7 +88,7 @@ class Exported:
         samples: Number of samples of all scenes.
         files: Number of sensor files of all scenes.
         failures: Reasons why scenes could not be exported, by name of the scene.
-        has_maps: Whether Lanelet2 maps were written.
+        has_maps: Whether maps were written.
     """
 
     scenes: int
@@ -121,15 +130,10 @@ def export_t4(
     has_maps = not load_extras()["sim"].missing
     parts = [_part(scene, out, settings, has_map=has_maps) for scene in dataset.scenes]
     with hold_export(out):
-        missing = [part for part in parts if part.record() is None]
-        failures = make_parts(make_part, missing, pool, report, sum(_frame_count(part.scene) for part in missing))
-        for part in parts:
-            if part.scene.name in failures:
-                part.remove()
-                shutil.rmtree(out / part.scene.name, ignore_errors=True)
-            else:
-                part.tidy_up()
-        finished = [part for part in parts if part.scene.name not in failures]
+        missing, failures = make_missing(make_part, parts, pool, report, _frame_count)
+        for name in failures:
+            shutil.rmtree(out / name, ignore_errors=True)
+        finished = without(parts, failures)
         write_whole(out / SPLITS_FILE, _splits(finished))
         with foreign_content(out / PARTS_FOLDER):
             records = [part.finished_record() for part in finished]
@@ -161,13 +165,19 @@ def make_part(part: T4Part) -> None:
     for tick in swept_ticks(scene).tolist():
         job.add(scene[tick])
         report_step()
-    for name, rows in job.tables().items():
+    tables, bag = job.tables(), require_local(scene.path)
+    for name, rows in tables.items():
         write(f"annotation/{name}.json", _table(rows))
     if part.has_map:
         from simbev_exporters.t4.map_files import map_files
 
-        for name, content in map_files(require_local(scene.path)).items():
+        path_m = np.array([row["translation"] for row in tables["ego_pose"]])
+        for name, content in map_files(bag, path_m).items():
             write(f"map/{name}", content)
+    for file in (*mcap_files(bag), bag / METADATA_FILE) if settings.input_bag else ():
+        if file.is_file():
+            with part.open(f"{scene.name}/input_bag/{file.name}") as copy, file.open("rb") as source:
+                shutil.copyfileobj(source, copy)
     write("status.json", _status(scene))
     summary = job.summary()
     part.finish({"samples": summary["samples"], "files": summary["files"]})
@@ -208,9 +218,9 @@ def _splits(parts: Sequence[T4Part]) -> bytes:
     return yaml.safe_dump(names, sort_keys=False).encode()
 
 
-def _frame_count(scene: Scene) -> int:
+def _frame_count(part: T4Part) -> int:
     """Number of frames with sensor data; 0 for a damaged scene, which is reported when it is exported."""
     try:
-        return int(np.size(swept_ticks(scene)))
+        return int(np.size(swept_ticks(part.scene)))
     except BagError:
         return 0

@@ -16,8 +16,7 @@ from typing import Any
 
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset import Dataset, Scene, open_dataset
-from simbev_ros.export.part_making import remove_vanished
-from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
+from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of, remove_vanished
 from simbev_ros.export.quaternions import continuous
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info

@@ -1,14 +1,14 @@
-"""Work on all parts of an export: identify them, make them in a pool, note scenes that fail, remove what is gone."""
+"""Parts of exports that are made from scenes: identify them, make them in a pool, note scenes that fail."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from simbev_ros import __version__
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
+from simbev_ros.export.parts import Json, Part, fingerprint_of
 from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.recording.layout import bytes_of, mcap_files
@@ -24,15 +24,18 @@ def ignore_progress(done: int, total: int) -> None:
     """Report nothing."""
 
 
-class OfScene(Protocol):
-    """A part that is made from a scene."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartOfScene(Part):
+    """A part that is made from a scene. Exporters add what they need besides in a subclass.
 
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
+    Attributes:
+        scene: The scene.
+    """
+
+    scene: Scene
 
 
-P = TypeVar("P", bound=OfScene)
+P = TypeVar("P", bound=PartOfScene)
 
 
 def source_of(scene: Scene) -> Json:
@@ -67,21 +70,48 @@ def make_parts(
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 
 
-def remove_vanished(out: Path, present: Collection[str], patterns_of: Callable[[str], tuple[str, ...] | None]) -> None:
-    """Remove earlier parts without data, such as the end of a scene that is shorter now.
+def make_missing(
+    make: Callable[[P], None], parts: Sequence[P], pool: Pool, report: Report, frames_of: Callable[[P], int]
+) -> tuple[list[P], Failures]:
+    """Make the parts that are not finished, and remove what those of failed scenes have left; the folder is held.
 
     Args:
-        out: Folder of the export.
-        present: Names of the parts that there are now.
-        patterns_of: Patterns of the files of a part, by its name; None: the part stays.
+        make: Makes one part, in any process.
+        parts: All parts of the export.
+        pool: Workers that make them.
+        report: Receives the progress.
+        frames_of: Returns the number of frames of a part.
+
+    Returns:
+        The parts that were not finished, and the failures.
 
     Raises:
-        InputError: A file cannot be removed.
+        InputError: A file cannot be written or removed.
+        SimbevError: A process was killed.
     """
-    for name in part_names(out) - set(present):
-        patterns = patterns_of(name)
-        if patterns is not None:
-            Part(out=out, name=name, identity={}, patterns=patterns).remove()
+    missing = unfinished(parts)
+    failures = make_parts(make, missing, pool, report, sum(map(frames_of, missing)))
+    for part in parts:
+        part.remove() if part.scene.name in failures else part.tidy_up()
+    return missing, failures
+
+
+def unfinished(parts: Sequence[P]) -> list[P]:
+    """The parts that are not finished, or outdated."""
+    return [part for part in parts if part.record() is None]
+
+
+def without(parts: Sequence[P], failures: Failures) -> list[P]:
+    """The parts of scenes that could be exported."""
+    return [part for part in parts if part.scene.name not in failures]
+
+
+def frame_count(part: PartOfScene) -> int:
+    """Number of frames of the scene; 0 for a damaged one, which is reported when it is exported."""
+    try:
+        return len(part.scene)
+    except BagError:
+        return 0
 
 
 def _problem_of(make: Callable[[P], None], part: P) -> str | None:

@@ -16,7 +16,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.scene.streets.vehicle_route import draw_vehicle_route
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec

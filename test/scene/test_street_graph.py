@@ -16,7 +16,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.vehicle_class import open_to
-from simbev_ros.scene.streets.street_graph import Streets
+from simbev_ros.scene.streets.streets import Streets
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 

@@ -23,7 +23,7 @@ from simbev_ros.scene.drawing.spawn import Where, no_lane, spawn_starts
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.streets.lane_positions import LanePositions
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
 
 _LANE_CLEARANCE = 0.99  # of the waypoint spacing: no other vehicle starts closer to an agent on its lane

@@ -16,7 +16,7 @@ from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.drawing.draw_agents import DrawnAgents
 from simbev_ros.scene.drawing.route_points import routed_ego
 from simbev_ros.scene.drawing.spawn import spawn_starts
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.scene.streets.vehicle_route import route_through
 from simbev_ros.schema.scene.drive_spec import DriveSpec, RouteSpec
 from simbev_ros.schema.scene.spec import VehicleSpec

@@ -12,7 +12,7 @@ from simbev_ros.scene.drawing.mast_places import MastPlaces
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.streets.lane_positions import LanePositions, positions_along
 from simbev_ros.scene.streets.off_tracking import is_long
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.scene.streets.walks import WalkGraph
 
 _LANE_PER_VEHICLE_M = 30.0  # that of a dense but moving flow in a city

@@ -8,7 +8,7 @@ from simbev_ros.foundation.types import BoolArray
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.streets.lane_positions import LanePositions
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.schema.scene.spec import VehicleSpec
 
 _REFERENCE_VEHICLE = "vehicle.compact"

@@ -9,7 +9,8 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Lane, RoadNetwork, paths_beyond
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.scene.streets.street_graph import StreetGraph, streets_of
+from simbev_ros.scene.streets.street_graph import StreetGraph
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.schema.scene.spec import SceneSpec
 
 

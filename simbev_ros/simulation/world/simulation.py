@@ -23,7 +23,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.ending import DURATION
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.streets import streets_of
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, SignalState, WorldState

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from world_scenes import blocks, run, scene
 
-from simbev_ros.scene.streets.street_graph import Streets
+from simbev_ros.scene.streets.streets import Streets
 from simbev_ros.simulation.world import simulation
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.sumo.net_crop import CroppedNet, crop_net

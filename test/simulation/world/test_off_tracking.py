@@ -13,7 +13,7 @@ from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, too_tight
-from simbev_ros.scene.streets.street_graph import Streets
+from simbev_ros.scene.streets.streets import Streets
 
 
 def blueprint(name: str) -> Blueprint:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.scene.streets.street_graph import Streets
+from simbev_ros.scene.streets.streets import Streets
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _EXTENSION_M = 2000.0

@@ -17,6 +17,7 @@ from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import is_dataset
 
 if TYPE_CHECKING:
+    from simbev_ros.config.evaluation import Evaluation
     from simbev_ros.evaluation.tables import FigureTable
 
 
@@ -68,18 +69,35 @@ def evaluate(
 
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --config night.yaml
     """
+    _require_places(report, json_file)
+    if dataset is None:
+        evaluate_drives(predictions, split, scenes, report, json_file)
+        return
+    section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
+    asked = section, split, scenes, agent
+    _evaluate_predictions(predictions, dataset, *asked, every, nuscenes, report, json_file, workers)
+
+
+def _evaluate_predictions(
+    predictions: Path,
+    dataset: Path,
+    section: "Evaluation",
+    split: option.Split,
+    scenes: option.Scenes,
+    agent: AgentOption,
+    every: int,
+    nuscenes: bool,
+    report: Path | None,
+    json_file: Path | None,
+    workers: Workers,
+) -> None:
+    """Measure predictions for a dataset, and show the figures; the arguments are those of ``evaluate``."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.evaluation.evaluation import evaluate as evaluate_dataset
     from simbev_ros.evaluation.figures import figures_of
     from simbev_ros.evaluation.options import options_of
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
 
-    _require_places(report, json_file)
-    if dataset is None:
-        evaluate_drives(predictions, split, scenes, report, json_file)
-        return
-    section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
-    pool = processes(workers)
     with _noticing_swapped(predictions, dataset):
         opened = open_dataset(dataset, threads=1)
         chosen = option.chosen_scenes(opened, split, scenes, agent)
@@ -88,7 +106,7 @@ def evaluate(
     predicted = predicted.for_dataset([each.name for each in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", make_console(stderr=True), frames) as bar:
-        result = evaluate_dataset(chosen, predicted, options, pool, bar.show)
+        result = evaluate_dataset(chosen, predicted, options, processes(workers), bar.show)
     seen_by = {"agent": agent, "truth": section.truth} if agent is not None or section.truth != "own" else {}
     figures = {"dataset": str(dataset), "predictions": str(predictions), **seen_by, **figures_of(result)}
     drives, tables = drives_beside(chosen, make_console(stderr=True))

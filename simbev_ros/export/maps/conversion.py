@@ -31,7 +31,7 @@ def write_map(network: RoadNetwork, path: Path, regions: _Regions = ()) -> None:
         InputError: The suffix names no form, a file cannot be written, or the folder holds another map's projector.
     """
     writer, files = writer_of(path), dict[Path, list[bytes]]()
-    if writer in _FOR_AUTOWARE:
+    if _is_for_autoware(path):
         beside = path.parent / FILE_NAME
         files[beside] = [projector_info(network.datum)]
         with write_errors(beside):
@@ -45,7 +45,7 @@ def write_map(network: RoadNetwork, path: Path, regions: _Regions = ()) -> None:
 
 def is_point_map(path: Path) -> bool:
     """Whether a file is to have the points of a map, for which ``write_map`` needs tiles."""
-    return writer_of(path) is _point_map
+    return writer_of(path) is WRITERS[".pcd"]
 
 
 def files_of(path: Path) -> list[Path]:
@@ -54,7 +54,7 @@ def files_of(path: Path) -> list[Path]:
     Raises:
         InputError: The suffix names no form.
     """
-    return [path, *([path.parent / FILE_NAME] if writer_of(path) in _FOR_AUTOWARE else [])]
+    return [path, *([path.parent / FILE_NAME] if _is_for_autoware(path) else [])]
 
 
 def writer_of(path: Path) -> Writer:
@@ -69,17 +69,12 @@ def writer_of(path: Path) -> Writer:
     return found
 
 
-def _point_map(network: RoadNetwork, regions: _Regions) -> list[bytes]:
-    """Points in Autoware's map frame."""
-    return point_map_of(regions, scanners_of(network), autoware_rise_m(network.datum))
+def _is_for_autoware(path: Path) -> bool:
+    return writer_of(path) in (WRITERS["lanelet2_map.osm"], WRITERS[".pcd"])
 
 
 def _lanelet2(network: RoadNetwork, _: _Regions) -> list[bytes]:
     return [lanelet2_of(network)]
-
-
-def _osm(network: RoadNetwork, _: _Regions) -> list[bytes]:
-    return [osm_of(network)]
 
 
 def _opendrive(network: RoadNetwork, _: _Regions) -> list[bytes]:
@@ -107,8 +102,7 @@ WRITERS: dict[str, Writer] = {
     ".net.xml": _sumo_net,
     "lanelet2_map.osm": _lanelet2,
     ".lanelet2.osm": _lanelet2,
-    ".osm": _osm,
-    ".pcd": _point_map,
+    ".osm": lambda network, _: [osm_of(network)],
+    ".pcd": lambda network, regions: point_map_of(regions, scanners_of(network), autoware_rise_m(network.datum)),
 }
 """Suffix of a file → function that makes its content; the first one that fits."""
-_FOR_AUTOWARE = (_lanelet2, _point_map)

@@ -65,14 +65,12 @@ def point_map_of(regions: Iterable[Sequence[Tile]], scanners_m: Float64Array, ri
 def _seen(tiles: Sequence[Tile], scanners_m: Float64Array) -> Iterator[Float64Array]:
     """(N, 3) points on each tile near a scanner that are seen, map frame."""
     nearest = cKDTree(scanners_m)
-    bounds_m = [tile.mesh.bounds_m + tile.origin_m for tile in tiles]
-    half_m = [np.linalg.norm(high_m - low_m) / 2.0 for low_m, high_m in bounds_m]
-    near = [
-        tile
-        for tile, ends_m, reach_m in zip(tiles, bounds_m, half_m, strict=True)
-        if nearest.query(ends_m.mean(axis=0))[0] < REACH_M + reach_m
-    ]
-    if not near:
+
+    def is_near(tile: Tile) -> bool:
+        low_m, high_m = tile.mesh.bounds_m + tile.origin_m
+        return bool(nearest.query((low_m + high_m) / 2.0)[0] < REACH_M + np.linalg.norm(high_m - low_m) / 2.0)
+
+    if not (near := list(filter(is_near, tiles))):
         return
     center_m = near[0].origin_m
     first = np.cumsum([0, *(len(tile.mesh.vertices) for tile in near)])

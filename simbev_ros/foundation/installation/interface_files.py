@@ -8,17 +8,13 @@ from simbev_ros.foundation.installation.shipped_files import shipped_folder
 
 OWN_PACKAGE = "simbev_interfaces"
 """The ROS package of this project's own interfaces, in ``interfaces/`` of a checkout."""
-AUTOWARE_PACKAGES = ("autoware_control_msgs", "autoware_vehicle_msgs", "autoware_perception_msgs")
-"""Those of ``FOREIGN_PACKAGES`` that only the relay for Autoware needs."""
-FOREIGN_PACKAGES = (
-    *("tf2_msgs", "vision_msgs", "radar_msgs", "gps_msgs", "ackermann_msgs", "foxglove_msgs"),
-    *("point_cloud_interfaces", "simulation_interfaces"),
-    *AUTOWARE_PACKAGES,
-)
-"""ROS packages with definitions in the folder ``definitions`` next to this module."""
-
 _KINDS = ("msg", "srv", "action")
 _DEFINITIONS = Path(__file__).with_name("definitions")
+
+FOREIGN_PACKAGES = tuple(sorted(folder.name for folder in _DEFINITIONS.glob("*_*s")))
+"""ROS packages with definitions in the folder ``definitions`` next to this module."""
+AUTOWARE_PACKAGES = tuple(name for name in FOREIGN_PACKAGES if name.startswith("autoware_"))
+"""Those that only the relay for Autoware needs."""
 
 
 def interface_folder(package: str) -> Path:

@@ -1,5 +1,6 @@
 """Converts our odometry to the velocity and the initial pose that Autoware reads."""
 
+import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 
@@ -9,7 +10,6 @@ _FORWARD_VARIANCE_M2PS2, _YAW_VARIANCE_RAD2PS2 = 0.2**2, 0.1**2
 """Defaults of Autoware's vehicle_velocity_converter, for an odometry without noise, with variances of 0."""
 _POSITION_VARIANCE_M2, _ANGLE_VARIANCE_RAD2 = 0.1**2, 0.01**2
 """Of an initial pose: that of the simulator is exact, but filters need a variance."""
-_AXES = 6
 
 
 def velocity_message(odometry: Odometry, frame: str) -> TwistWithCovarianceStamped:
@@ -18,10 +18,9 @@ def velocity_message(odometry: Odometry, frame: str) -> TwistWithCovarianceStamp
     message.header.stamp, message.header.frame_id = odometry.header.stamp, frame
     message.twist.twist.linear.x = measured.twist.linear.x
     message.twist.twist.angular.z = measured.twist.angular.z
-    for axis in range(_AXES):
-        message.twist.covariance[axis * (_AXES + 1)] = _UNKNOWN
-    message.twist.covariance[0] = float(measured.covariance[0]) or _FORWARD_VARIANCE_M2PS2
-    message.twist.covariance[-1] = float(measured.covariance[-1]) or _YAW_VARIANCE_RAD2PS2
+    forward = measured.covariance[0] or _FORWARD_VARIANCE_M2PS2
+    yaw = measured.covariance[-1] or _YAW_VARIANCE_RAD2PS2
+    message.twist.covariance = np.diag([forward, *[_UNKNOWN] * 4, yaw]).ravel()
     return message
 
 
@@ -29,7 +28,5 @@ def initial_pose(odometry: Odometry) -> PoseWithCovarianceStamped:
     """The pose of an odometry, from which localization starts."""
     message = PoseWithCovarianceStamped(header=odometry.header)
     message.pose.pose = odometry.pose.pose
-    for axis in range(_AXES):
-        variance = _POSITION_VARIANCE_M2 if axis < _AXES // 2 else _ANGLE_VARIANCE_RAD2
-        message.pose.covariance[axis * (_AXES + 1)] = variance
+    message.pose.covariance = np.diag([_POSITION_VARIANCE_M2] * 3 + [_ANGLE_VARIANCE_RAD2] * 3).ravel()
     return message

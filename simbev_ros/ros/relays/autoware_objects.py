@@ -1,21 +1,16 @@
 """Converts the true boxes around the ego to Autoware's tracked and predicted objects. Pure."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 from autoware_perception_msgs.msg import (
     ObjectClassification,
     PredictedObject,
     PredictedObjects,
     PredictedPath,
-    Shape,
     TrackedObject,
-    TrackedObjectKinematics,
     TrackedObjects,
 )
 from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import AccelWithCovariance, Pose, PoseWithCovariance, TwistWithCovariance
+from geometry_msgs.msg import Pose
 from unique_identifier_msgs.msg import UUID
 
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
@@ -41,49 +36,49 @@ _LABELS = {
 """Labels of our classes; Autoware does not count lights and signs as objects, and has no label for obstacles."""
 
 
-class _Object(NamedTuple):
-    """What tracked and predicted objects have in common."""
-
-    id: UUID
-    classification: ObjectClassification
-    pose: PoseWithCovariance
-    twist: TwistWithCovariance
-    acceleration: AccelWithCovariance
-    shape: Shape
-    speed_mps: float
-
-
 def tracked_objects(boxes: Table, stamp_ns: int) -> TrackedObjects:
-    """Tracked objects of (N,) ``BOX_DTYPE`` rows at one time, in the map frame, with covariances of zero."""
-    message = TrackedObjects(header=header(stamp_ns, MAP_FRAME))
-    for each in _objects(boxes, stamp_ns):
-        kinematics = TrackedObjectKinematics(
-            pose_with_covariance=each.pose,
-            twist_with_covariance=each.twist,
-            acceleration_with_covariance=each.acceleration,
-            orientation_availability=TrackedObjectKinematics.AVAILABLE,
-            is_stationary=each.speed_mps < _STATIONARY_MPS,
-        )
-        tracked = TrackedObject(object_id=each.id, existence_probability=1.0, classification=[each.classification])
-        tracked.kinematics, tracked.shape = kinematics, each.shape
+    """Tracked objects of (N,) ``BOX_DTYPE`` rows at one time, in the map frame, with covariances of zero.
+
+    Velocities and accelerations are in the frame of the object.
+    """
+    message, rows = TrackedObjects(header=header(stamp_ns, MAP_FRAME)), _labeled(boxes)
+    scene = max(scene_number_of(stamp_ns), 0)
+    rpy_rad = np.stack([rows[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
+    own_from_map = rotations_from_rpy(rpy_rad).transpose(0, 2, 1)
+    velocity, rates, acceleration = (np.einsum("nij,nj->ni", own_from_map, _xyz(rows, name)) for name in "vwa")
+    positions_m, rotations = _xyz(rows, ""), quaternion_from_rpy(rpy_rad)
+    for index, row in enumerate(rows):
+        tracked = TrackedObject(object_id=UUID(uuid=object_uuid(scene, int(row["id"]))), existence_probability=1.0)
+        label = _LABELS[BOX_CLASSES[int(row["class"])]]
+        tracked.classification = [ObjectClassification(label=label, probability=1.0)]
+        tracked.shape.dimensions = vector_message(np.array([row["length"], row["width"], row["height"]]))
+        motion = tracked.kinematics
+        motion.pose_with_covariance.pose.position = point_message(positions_m[index])
+        motion.pose_with_covariance.pose.orientation = quaternion_message(rotations[index])
+        twist = motion.twist_with_covariance.twist
+        twist.linear, twist.angular = vector_message(velocity[index]), vector_message(rates[index])
+        motion.acceleration_with_covariance.accel.linear = vector_message(acceleration[index])
+        motion.orientation_availability = motion.AVAILABLE
+        motion.is_stationary = bool(np.linalg.norm(velocity[index]) < _STATIONARY_MPS)
         message.objects.append(tracked)
     return message
 
 
 def predicted_objects(boxes: Table, stamp_ns: int) -> PredictedObjects:
     """Predicted objects of (N,) ``BOX_DTYPE`` rows at one time, in the map frame: each keeps its velocity for 10 s."""
-    message = PredictedObjects(header=header(stamp_ns, MAP_FRAME))
-    rows = _labeled(boxes)
+    message, rows = PredictedObjects(header=header(stamp_ns, MAP_FRAME)), _labeled(boxes)
     times_s = np.arange(_STEPS + 1) * (_STEP_NS / 1e9)
     paths_m = _xyz(rows, "")[:, None] + times_s[:, None] * _xyz(rows, "v")[:, None]
-    for each, path_m in zip(_objects(boxes, stamp_ns), paths_m, strict=True):
-        predicted = PredictedObject(object_id=each.id, existence_probability=1.0, classification=[each.classification])
-        predicted.kinematics.initial_pose_with_covariance = each.pose
-        predicted.kinematics.initial_twist_with_covariance = each.twist
-        predicted.kinematics.initial_acceleration_with_covariance = each.acceleration
-        poses = [Pose(position=point_message(point_m), orientation=each.pose.pose.orientation) for point_m in path_m]
+    for tracked, path_m in zip(tracked_objects(boxes, stamp_ns).objects, paths_m, strict=True):
+        predicted, motion = PredictedObject(object_id=tracked.object_id, existence_probability=1.0), tracked.kinematics
+        predicted.classification, predicted.shape = tracked.classification, tracked.shape
+        for part in ("pose", "twist", "acceleration"):
+            name = f"{part}_with_covariance"
+            setattr(predicted.kinematics, f"initial_{name}", getattr(motion, name))
+        facing = motion.pose_with_covariance.pose.orientation
+        poses = [Pose(position=point_message(point_m), orientation=facing) for point_m in path_m]
         path = PredictedPath(path=poses, time_step=Duration(nanosec=_STEP_NS), confidence=1.0)
-        predicted.kinematics.predicted_paths, predicted.shape = [path], each.shape
+        predicted.kinematics.predicted_paths = [path]
         message.objects.append(predicted)
     return message
 
@@ -96,33 +91,6 @@ def _labeled(boxes: Table) -> Table:
 def _xyz(rows: Table, prefix: str) -> Float64Array:
     """(N, 3) columns such as vx, vy, vz."""
     return np.stack([rows[f"{prefix}{axis}"].astype(np.float64) for axis in "xyz"], axis=1)
-
-
-def _objects(boxes: Table, stamp_ns: int) -> Iterator[_Object]:
-    """Yield the objects in the order of their rows; velocities and accelerations are in the frame of the object."""
-    rows, scene = _labeled(boxes), max(scene_number_of(stamp_ns), 0)
-    rpy_rad = np.stack([rows[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
-    own_from_map = rotations_from_rpy(rpy_rad).transpose(0, 2, 1)
-    velocity, rates, acceleration = (np.einsum("nij,nj->ni", own_from_map, _xyz(rows, name)) for name in "vwa")
-    positions_m, rotations = _xyz(rows, ""), quaternion_from_rpy(rpy_rad)
-    for index, row in enumerate(rows):
-        pose, twist, accel = PoseWithCovariance(), TwistWithCovariance(), AccelWithCovariance()
-        pose.pose.position = point_message(positions_m[index])
-        pose.pose.orientation = quaternion_message(rotations[index])
-        twist.twist.linear, twist.twist.angular = vector_message(velocity[index]), vector_message(rates[index])
-        accel.accel.linear = vector_message(acceleration[index])
-        shape = Shape(type=Shape.BOUNDING_BOX)
-        shape.dimensions = vector_message(np.array([row["length"], row["width"], row["height"]]))
-        label = _LABELS[BOX_CLASSES[int(row["class"])]]
-        yield _Object(
-            UUID(uuid=object_uuid(scene, int(row["id"]))),
-            ObjectClassification(label=label, probability=1.0),
-            pose,
-            twist,
-            accel,
-            shape,
-            float(np.linalg.norm(velocity[index])),
-        )
 
 
 def object_uuid(scene: int, actor: int) -> list[int]:

@@ -20,7 +20,7 @@ from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.schema.scene.state import COLLISION, Event
-from simbev_ros.simulation.world.cast import cast_of, first_prop_id
+from simbev_ros.simulation.world.cast import Cast, cast_of, first_prop_id
 from simbev_ros.simulation.world.doors import Doors
 from simbev_ros.simulation.world.driving.outside_drivers import driven_by_commands
 from simbev_ros.simulation.world.kinematics.collisions import Impact
@@ -81,7 +81,6 @@ class Actors:
         self.events: tuple[Event, ...] = ()
         self._coming_events: tuple[Event, ...] = ()
         self._population = population
-        tick_s = spec.tick_ns / NS_PER_S
         _report_missing(spec, population)
         sample, directions, vehicles = population.sample(), population.directions(), len(population.vehicles)
         self._excursions = Excursions(spec, excursions, population, sample.front_m)
@@ -97,6 +96,14 @@ class Actors:
         props = prop_obstacles(self._props, network, self._ground)
         obstacles = np.concatenate([obstacles, props, resting_obstacles(self._resting, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
+        self._start_bodies(spec, cast, obstacles, sample, directions)
+        self._table = ActorTable(spec, weather, cast, vehicles, Tunnels.of_layout(network.layout))
+
+    def _start_bodies(
+        self, spec: SceneSpec, cast: Cast, obstacles: Table, sample: TrafficSample, directions: Float64Array
+    ) -> None:
+        """Set what moves the bodies of a cast, and the queues that are as late as it is."""
+        population, tick_s = self._population, spec.tick_ns / NS_PER_S
         self._ids: Int64Array = np.append(cast.rows["id"][cast.rows["parent"] == 0], self._parked.rows["id"])
         self._point = cast.bodies.point
         self._wrecks = Wrecks(spec, population, cast.bodies)
@@ -122,7 +129,6 @@ class Actors:
         self._doors = Doors(spec, population.vehicles, population.sumo, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
-        self._table = ActorTable(spec, weather, cast, vehicles, Tunnels.of_layout(network.layout))
 
     @property
     def ground(self) -> GroundSurface:

@@ -198,17 +198,13 @@ class Entities:
     def advance_entities(self, weather: Weather) -> None:
         """Advance by one tick; entities that have just been placed are where they were placed."""
         for entity in self._entities.values():
-            if entity.is_driven:
-                _fill(entity, 0.0 if entity.is_new else self._tick_s, weather)
-                own, (on, off) = entity.rows["parent"] == 0, entity.lights
-                entity.rows["lights"][own] = (entity.rows["lights"][own] & ~np.uint16(off)) | np.uint16(on)
-                entity.is_new = False
-                continue
-            if not entity.is_new and entity.motion.is_at_rest and entity.is_lit == weather.needs_low_beam:
-                continue
-            if not entity.is_new:
+            if not (entity.is_new or entity.is_driven):
+                if entity.motion.is_at_rest and entity.is_lit == weather.needs_low_beam:
+                    continue
                 entity.motion = self._on_ground(entity.motion, entity.motion.after(self._tick_s))
             _fill(entity, 0.0 if entity.is_new else self._tick_s, weather)
+            own, (on, off) = entity.rows["parent"] == 0, entity.lights
+            entity.rows["lights"][own] = (entity.rows["lights"][own] & ~np.uint16(off)) | np.uint16(on)
             entity.is_new, entity.is_lit = False, weather.needs_low_beam
         self.events, self._commands = tuple(self._commands), []
 

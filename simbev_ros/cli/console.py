@@ -25,6 +25,8 @@ from rich.segment import Segment
 from rich.status import Status
 from rich.text import Text
 
+from simbev_ros.foundation.counts import plural as plural
+
 _PIPE_WIDTH = 160
 _REPORT_PERIOD_S = 30.0
 _SPACE = "\n\t\N{NO-BREAK SPACE}"
@@ -208,11 +210,6 @@ class TickRate(ProgressColumn):
 def own_command() -> str:
     """How this command was called, for what is printed: ``./simbev`` in a checkout, or ``simbev``."""
     return os.environ.get("SIMBEV_COMMAND", "simbev")
-
-
-def plural(count: int, noun: str) -> str:
-    """A number with its noun, such as ``1 scene`` or ``3 scenes``."""
-    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def format_size(size_bytes: float) -> str:

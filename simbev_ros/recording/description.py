@@ -10,6 +10,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.digest import scene_digest, topic_digests
@@ -99,8 +100,8 @@ def _scene(spec: SceneSpec) -> dict[str, Any]:
         "seed": spec.seed,
         "ticks": spec.ticks,
         "tick_s": spec.tick_ns / NS_PER_S,
-        "vehicles": len(spec.vehicles),
-        "pedestrians": len(spec.pedestrians),
+        "vehicles": spec.count_of("vehicle"),
+        "pedestrians": spec.count_of("pedestrian"),
         "weather": spec.weather.model_dump(),
         "final_weather": None if spec.final_weather is None else spec.final_weather.model_dump(),
         "rig": _rig(spec.agents[0].rig),
@@ -118,14 +119,14 @@ def _rig(rig: Rig) -> list[str]:
     for camera in rig.of_type(Camera):
         kind = f"{camera.width_px}x{camera.height_px} {' '.join(camera.modalities)}"
         cameras[kind] = cameras.get(kind, 0) + 1
-    phrases = [f"{count} camera{'s' * (count > 1)} {kind}" for kind, count in cameras.items()]
+    phrases = [f"{plural(count, 'camera')} {kind}" for kind, count in cameras.items()]
     phrases += [f"lidar {lidar.channels}x{lidar.columns} {lidar.range_m:g} m" for lidar in rig.of_type(Lidar)]
     radars = Counter(
         f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°"
         for each in rig.of_type(Radar)
         for radar in each.scans_of_cycle
     )
-    phrases += [f"{count} radar{'s' * (count > 1)} {kind}" for kind, count in radars.items()]
+    phrases += [f"{plural(count, 'radar')} {kind}" for kind, count in radars.items()]
     others = {kind: model for kind, model in SENSOR_KINDS.items() if model not in (Camera, Lidar, Radar)}
     phrases += [_ABBREVIATIONS.get(kind, kind) for kind, model in others.items() for _ in rig.of_type(model)]
     return phrases

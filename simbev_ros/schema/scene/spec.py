@@ -231,6 +231,15 @@ class SceneSpec(Stored):
         """Vehicles that take part in traffic."""
         return tuple(vehicle for vehicle in self.vehicles if vehicle.stands_at is None)
 
+    def entity_blueprints(self, kind: str) -> list[str]:
+        """Blueprints of a kind, such as ``vehicle``, of the scenario's entities besides the first agent."""
+        cast = () if self.storyboard is None else self.storyboard.cast[1:]
+        return [each.blueprint for each in cast if each.blueprint.startswith(f"{kind}.")]
+
+    def count_of(self, kind: Literal["vehicle", "pedestrian"]) -> int:
+        """Number of vehicles or pedestrians, with those of the scenario."""
+        return len(getattr(self, f"{kind}s")) + len(self.entity_blueprints(kind))
+
     @property
     def closed_edges(self) -> frozenset[str]:
         """Ids of the edges that hazard areas close to all traffic."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
+from simbev_ros.foundation.counts import plural
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.show.pages.browsable_table import Cell, Column
 from simbev_ros.show.reports.page import words
@@ -31,7 +32,7 @@ def hazard_cell(hazards: Mapping[str, int]) -> Cell:
 
 def hazard_text(hazards: Mapping[str, int]) -> str:
     """The number of hazard areas by kind in words."""
-    counts = (f"{count} {words(kind)}{'s' * (count != 1)}" for kind, count in sorted(hazards.items()))
+    counts = (plural(count, words(kind)) for kind, count in sorted(hazards.items()))
     return ", ".join(counts) or "no hazards"
 
 

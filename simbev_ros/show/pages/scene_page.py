@@ -17,6 +17,7 @@ from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.dataset.statistics import SceneFacts
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.latest_value import LatestValue
@@ -160,7 +161,7 @@ def _head(work: ScenePage) -> str:
         ("duration", f"{known.duration_s:g} s, {known.frames} frames"),
         ("light and weather", f"{daytime_of(known.weather)}, {weather_of(known.weather)}"),
         ("path of the ego", f"{known.distance_m:.0f} m"),
-        ("actors", f"{known.vehicles} vehicles, {known.pedestrians} pedestrians"),
+        ("actors", f"{plural(known.vehicles, 'vehicle')}, {plural(known.pedestrians, 'pedestrian')}"),
         ("hazards", hazard_text(known.hazards)),
         ("collisions", str(known.collisions)),
         ("recorded", decimal(known.file_bytes)),

@@ -63,6 +63,7 @@ def _sensors(spec: SceneSpec) -> list[str]:
 
 def _actors(spec: SceneSpec) -> list[str]:
     blueprints = [vehicle.blueprint for vehicle in spec.vehicles] + [walker.blueprint for walker in spec.pedestrians]
+    blueprints += spec.entity_blueprints("vehicle") + spec.entity_blueprints("pedestrian")
     counts = sorted(Counter(blueprints).items(), key=lambda item: (-item[1], item[0]))
     return [_row(name, number(count)) for name, count in counts]
 

@@ -57,10 +57,11 @@ def _weather(spec: SceneSpec) -> dict[str, str]:
 
 
 def _traffic(spec: SceneSpec) -> dict[str, str]:
-    kinds = Counter(vehicle.blueprint.removeprefix("vehicle.") for vehicle in spec.vehicles)
+    blueprints = [vehicle.blueprint for vehicle in spec.vehicles] + spec.entity_blueprints("vehicle")
+    kinds = Counter(name.removeprefix("vehicle.") for name in blueprints)
     return {
-        "vehicles": f"{len(spec.vehicles)}: " + ", ".join(f"{count} {name}" for name, count in kinds.most_common()),
-        "pedestrians": str(len(spec.pedestrians)),
+        "vehicles": f"{len(blueprints)}: " + ", ".join(f"{count} {name}" for name, count in kinds.most_common()),
+        "pedestrians": str(spec.count_of("pedestrian")),
         "hazards": str(len(spec.hazards)),
     }
 

@@ -9,6 +9,7 @@ import cv2
 from av.video.reformatter import ColorRange, Colorspace
 
 from simbev_ros.dataset.scene import Scene
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.files.whole_files import whole_file, write_whole
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -132,7 +133,7 @@ def _facts(view: AgentView) -> str:
     parts = [
         *([f"agent {view.agent}"] if len(spec.agents) > 1 else []),
         f"seed {spec.seed}",
-        f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
+        f"{plural(spec.count_of('vehicle'), 'vehicle')}, {plural(spec.count_of('pedestrian'), 'pedestrian')}",
         f"sun {_weather_range(spec, 'sun_altitude_deg')}°",
         f"clouds {_weather_range(spec, 'cloudiness')} %",
         f"rain {_weather_range(spec, 'precipitation')} %",

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from simbev_ros.cli.console import counting_bar, make_console, table_console
+from simbev_ros.cli.console import counting_bar, make_console, plural, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.types import Float64Array
@@ -51,7 +51,7 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
         return
     output = table_console()
     maps = ", ".join(f"{name} ({scenes})" for name, scenes in statistics.maps.items())
-    output.print(Text.assemble((f"{len(planned)} scenes", "bold"), f": {maps}"))
+    output.print(Text.assemble((plural(len(planned), "scene"), "bold"), f": {maps}"))
     _print_numbers(output, statistics, scenario)
     output.print(_kinds_table(statistics))
 

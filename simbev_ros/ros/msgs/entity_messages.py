@@ -42,11 +42,8 @@ def box_message(low_m: Float64Array, high_m: Float64Array) -> Any:
 
 def size_message(length_m: float, width_m: float, height_m: float) -> Any:
     """Bounds of an actor in its own frame, whose origin is the center of the bottom face."""
-    low_m, high_m = (
-        np.array([-length_m / 2.0, -width_m / 2.0, 0.0]),
-        np.array([length_m / 2.0, width_m / 2.0, height_m]),
-    )
-    return box_message(low_m, high_m)
+    half_m = np.array([length_m, width_m, 0.0]) / 2.0
+    return box_message(-half_m, half_m + np.array([0.0, 0.0, height_m]))
 
 
 def matrix_of_pose(pose: Any) -> Float64Array:

@@ -23,7 +23,7 @@ _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors", "frames", "base_link_x_m"),
     *("agents", "v2x", "route", "stands_at", "blocked", "outline_m", "z_m", "props"),
-    *("yields_to_emergency", "wrecks_cleared_s"),
+    *("yields_to_emergency", "wrecks_cleared_s", "document"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 
@@ -100,8 +100,8 @@ def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     carriers = len(spec.agents) - stations
     yield "agents", float(carriers + stations)
     yield "roadside_units", float(stations)
-    yield "vehicles", float(len(spec.drivers) - carriers)
-    yield "pedestrians", float(len(spec.pedestrians))
+    yield "vehicles", float(len(spec.drivers) - carriers + len(spec.entity_blueprints("vehicle")))
+    yield "pedestrians", float(spec.count_of("pedestrian"))
     yield "hazards", float(len(spec.hazards))
     if spec.drive is not None:
         yield "drive.route_m", spec.drive.route.length_m

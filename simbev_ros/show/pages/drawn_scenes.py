@@ -92,14 +92,15 @@ def draw_scene_with_map(work: PlannedDrawing) -> DrawnScene:
 def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
     """HTML of the page of drawn scenes."""
     specs = [scene.spec for scene in scenes]
-    figures = [
-        (number(len(specs)), "scenes"),
-        (number(len({spec.map.name for spec in specs})), "maps"),
-        (number(round(sum(map(_duration_s, specs)) / 60.0, 1)), "minutes"),
-        (number(sum(spec.count_of("vehicle") for spec in specs)), "vehicles"),
-        (number(sum(len(spec.pedestrians) for spec in specs)), "pedestrians"),
-        (number(sum(len(spec.hazards) for spec in specs)), "hazards"),
-    ]
+    counts = {
+        "scene": len(specs),
+        "map": len({spec.map.name for spec in specs}),
+        "minute": round(sum(map(_duration_s, specs)) / 60.0, 1),
+        "vehicle": sum(spec.count_of("vehicle") for spec in specs),
+        "pedestrian": sum(spec.count_of("pedestrian") for spec in specs),
+        "hazard": sum(len(spec.hazards) for spec in specs),
+    }
+    figures = [(number(count), f"{noun}{'s' * (count != 1)}") for noun, count in counts.items()]
     note = (
         "Drawn, not simulated, so rules of accept are not applied. On the maps: the ego's start (white), its route as "
         "far as it gets if nothing stops it "

@@ -99,3 +99,11 @@ def test_what_cannot_be_written_is_refused(
     result = draw(config, *(str(option).replace("OUT", str(tmp_path)) for option in options))
     assert result.exception is not None and message in str(result.exception)
     assert not re.search("a.html", " ".join(path.name for path in tmp_path.iterdir()))
+
+
+def test_entities_of_a_scenario_are_counted_and_on_the_map(tmp_path: Path) -> None:
+    out = tmp_path / "scenes.html"
+    assert draw(Path(__file__).parents[2] / "examples/cut_in.xosc", "--out", out, "--workers", 1).exit_code == 0
+    page = out.read_text(encoding="utf-8")
+    assert "<title>ego</title>" in page and "<title>Van</title>" in page
+    assert "<b>1</b><span>scene</span>" in page and "<b>2</b><span>vehicles</span>" in page

@@ -195,7 +195,8 @@ class SimulationServices:
             time.sleep(_POLL_S)
 
     def _run_steps(self, goal: ServerGoalHandle) -> Any:
-        outcome, steps, done = self._action_type.Result(), goal.request.steps, 0
+        kind, steps, done = self._action_type, goal.request.steps, 0
+        outcome = kind.Result()
         outcome.result.result = outcome.result.RESULT_OK
         try:
             with self._stepping, foreign_content("goal"):
@@ -203,9 +204,7 @@ class SimulationServices:
                 while done < steps and not goal.is_cancel_requested:
                     self._step_once(scene)
                     done += 1
-                    goal.publish_feedback(
-                        self._action_type.Feedback(completed_steps=done, remaining_steps=steps - done)
-                    )
+                    goal.publish_feedback(kind.Feedback(completed_steps=done, remaining_steps=steps - done))
         except SimbevError as error:
             refused_result(outcome.result, outcome, error)
             goal.abort()

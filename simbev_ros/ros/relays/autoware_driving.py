@@ -34,8 +34,6 @@ from simbev_ros.ros.relays.autoware_vehicle import (
     drive_command,
     engaged_gear,
     gear_report,
-    mode_report,
-    steering_report,
     stop_command,
     velocity_report,
 )
@@ -108,7 +106,7 @@ class AutowareDriving:
         """Report the motion, and drive on."""
         self._now_ns, self._speed_mps = stamp_of(odometry.header.stamp), odometry.twist.twist.linear.x
         self._velocity.publish(velocity_report(odometry, self._base_frame))
-        self._modes.publish(mode_report(odometry.header.stamp, self._mode))
+        self._modes.publish(ControlModeReport(stamp=odometry.header.stamp, mode=self._mode))
         if self._lockstep is not None and self._lockstep.scene is not None:
             self._unanswered.append(odometry)
             self._answer()
@@ -146,7 +144,7 @@ class AutowareDriving:
     def _on_status(self, message: PointCloud2) -> None:
         (status,) = rows_from_message(message, STATUS_DTYPE)
         stamp = message.header.stamp
-        self._steering.publish(steering_report(status, stamp))
+        self._steering.publish(SteeringReport(stamp=stamp, steering_tire_angle=float(status["steering"])))
         self._gears.publish(gear_report(status, stamp, self._gear if self._has_gear else None))
         turn, hazard = self._indicators.reports(status, stamp)
         self._turns.publish(turn)

@@ -57,15 +57,11 @@ def lights_message(rows: Mapping[int, list[int]], signals: Table, stamp: Time) -
         signals: (S,) ``SIGNAL_DTYPE``.
         stamp: Time of the state.
     """
-    message = TrafficLightGroupArray(stamp=stamp)
+    message, lamp = TrafficLightGroupArray(stamp=stamp), TrafficLightElement
     for name, members in rows.items():
         states = {int(signals["state"][row]) for row in members}
         colors = _SHOWN.get(SignalState(states.pop()), ()) if len(states) == 1 else ()
-        shown = [_lamp(color) for color in colors] or [TrafficLightElement(confidence=1.0)]
-        message.traffic_light_groups.append(TrafficLightGroup(traffic_light_group_id=name, elements=shown))
+        lit = [lamp(color=color, shape=lamp.CIRCLE, status=lamp.SOLID_ON, confidence=1.0) for color in colors]
+        elements = lit or [lamp(confidence=1.0)]
+        message.traffic_light_groups.append(TrafficLightGroup(traffic_light_group_id=name, elements=elements))
     return message
-
-
-def _lamp(color: int) -> TrafficLightElement:
-    element = TrafficLightElement
-    return element(color=color, shape=element.CIRCLE, status=element.SOLID_ON, confidence=1.0)

@@ -3,12 +3,10 @@
 from ackermann_msgs.msg import AckermannDrive
 from autoware_control_msgs.msg import Control
 from autoware_vehicle_msgs.msg import (
-    ControlModeReport,
     GearCommand,
     GearReport,
     HazardLightsCommand,
     HazardLightsReport,
-    SteeringReport,
     TurnIndicatorsCommand,
     TurnIndicatorsReport,
     VelocityReport,
@@ -89,21 +87,11 @@ def velocity_report(odometry: Odometry, frame: str) -> VelocityReport:
     return report
 
 
-def steering_report(status: Table, stamp: Time) -> SteeringReport:
-    """The angle of the front wheels; ``status`` is one ``STATUS_DTYPE`` row."""
-    return SteeringReport(stamp=stamp, steering_tire_angle=float(status["steering"]))
-
-
 def gear_report(status: Table, stamp: Time, engaged: int | None) -> GearReport:
     """The gear that commands engaged, else the direction in which the vehicle reports to drive."""
     reverse = status["gear"] == _STATUS["GEAR_REVERSE"]
     own = GearReport.REVERSE if reverse else GearReport.DRIVE
     return GearReport(stamp=stamp, report=own if engaged is None else engaged)
-
-
-def mode_report(stamp: Time, mode: int) -> ControlModeReport:
-    """The control mode, which says who drives."""
-    return ControlModeReport(stamp=stamp, mode=mode)
 
 
 class WantedIndicators:

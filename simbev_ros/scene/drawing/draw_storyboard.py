@@ -12,6 +12,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.storyboard.bodies import Body, Pose, body_of, mover_on
@@ -136,11 +137,24 @@ def first_weather(storyboard: StoryboardSpec, datum: MapDatum) -> dict[str, floa
     return {name: value for each in environments for name, value in weather_of(each, datum).items()}
 
 
+def entity_starts_m(storyboard: StoryboardSpec, network: RoadNetwork) -> dict[str, Float64Array]:
+    """(2,) position, map frame, of each entity besides the first agent that ``Init`` puts anywhere, by name."""
+    bodies, _ = _enter_bodies(read_resolved(storyboard.document), network)
+    others = [bodies[each.name] for each in storyboard.cast[1:]]
+    return {body.name: body.position_m[:2] for body in others if body.is_present}
+
+
+def _enter_bodies(scenario: Element, network: RoadNetwork) -> tuple[dict[str, Body], Positions]:
+    """The bodies of all entities by name, after ``Init``, and what resolves positions."""
+    bodies = {each.name: body_of(each, blueprint_of(each.body)) for each in scenario.entities}
+    positions = Positions(mover_on(network), bodies, network.datum, network.origin_m)
+    positions.enter(scenario.storyboard.init)
+    return bodies, positions
+
+
 def _route_of(config: Scenario, file: str, scenario: Element, ego: Element, network: RoadNetwork) -> list[SpawnPose]:
     """Poses on lanes: the start of the first agent after ``Init``, and the route or position that it is given first."""
-    bodies = {each.name: body_of(each, blueprint_of(each.body)) for each in scenario.entities}
-    positions, init = Positions(mover_on(network), bodies, network.datum, network.origin_m), scenario.storyboard.init
-    positions.enter(init)
+    (bodies, positions), init = _enter_bodies(scenario, network), scenario.storyboard.init
     positions.check(scenario)
     body = bodies[ego.name]
     if not body.is_present:

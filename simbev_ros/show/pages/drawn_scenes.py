@@ -19,6 +19,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
+from simbev_ros.scene.drawing.draw_storyboard import entity_starts_m
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.streets.vehicle_route import route_line_m
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -140,7 +141,11 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
     """SVG of the surroundings of the agents' routes and masts."""
     routes_m, masts_m = _routes_m(spec, network), _masts_m(spec)
     areas_m = [np.array(hazard.outline_m) for hazard in spec.hazards]
-    square = Square.around(np.concatenate([*routes_m.values(), *masts_m.values(), *areas_m]), _MARGIN_M, _MIN_SIDE_M)
+    starts_m = {name: route_m[:1] for name, route_m in routes_m.items()}
+    if spec.storyboard is not None:
+        starts_m |= {name: place_m[None] for name, place_m in entity_starts_m(spec.storyboard, network).items()}
+    shown_m = np.concatenate([*routes_m.values(), *starts_m.values(), *masts_m.values(), *areas_m])
+    square = Square.around(shown_m, _MARGIN_M, _MIN_SIDE_M)
     scale, middle = _SIDE / square.side_m, _SIDE / 2.0
 
     def points(positions_m: AnyArray) -> str:
@@ -156,8 +161,8 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
     for kind in ("rim", "route"):
         for route_m in routes_m.values():
             sheet.add(f'<polyline class="{kind}" points="{points(route_m)}"/>')
-    for name, route_m in routes_m.items():
-        x, y = points(route_m[:1]).split(",")
+    for name, start_m in starts_m.items():
+        x, y = points(start_m).split(",")
         sheet.add(f'<circle class="start" cx="{x}" cy="{y}" r="7">{_title_of(name, spec)}</circle>')
     for name, corners_m in masts_m.items():
         sheet.add(f'<polygon class="start" points="{points(corners_m)}">{_title_of(name, spec)}</polygon>')
@@ -182,8 +187,8 @@ def _masts_m(spec: SceneSpec) -> dict[str, Float64Array]:
 
 
 def _title_of(name: str, spec: SceneSpec) -> str:
-    """Title of an agent's symbol, if there are several agents."""
-    return f"<title>{escape(name)}</title>" if len(spec.agents) > 1 else ""
+    """Title of a symbol, if there are several."""
+    return f"<title>{escape(name)}</title>" if len(spec.agents) > 1 or spec.storyboard is not None else ""
 
 
 def _hazards(spec: SceneSpec) -> Counter[str]:

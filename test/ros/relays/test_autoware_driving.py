@@ -42,7 +42,6 @@ from simbev_ros.ros.relays.autoware_vehicle import (
     drive_command,
     engaged_gear,
     gear_report,
-    steering_report,
     velocity_report,
 )
 
@@ -102,7 +101,6 @@ def test_reports_have_the_values_of_odometry_and_status() -> None:
     values = report.longitudinal_velocity, report.lateral_velocity, report.heading_rate
     assert values == pytest.approx((6.0, -0.2, 0.3))
     stamp = time_message(STAMP_NS)
-    assert steering_report(status(steering=-0.25), stamp).steering_tire_angle == pytest.approx(-0.25)
     assert gear_report(status(gear=2), stamp, None).report == GearCommand.REVERSE
     assert gear_report(status(gear=1), stamp, None).report == GearCommand.DRIVE
     assert gear_report(status(gear=1), stamp, GearCommand.PARK).report == GearCommand.PARK

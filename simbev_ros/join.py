@@ -160,14 +160,17 @@ def _name_of(scene: dict[str, Any]) -> str:
 class Driver:
     """Drives a vehicle in lockstep: for each set of inputs with one stamp, it publishes one command with this stamp.
 
-    The world applies the command ``graph.window_ticks`` ticks later, the same on every machine.
+    The world applies the command ``graph.window_ticks`` ticks later, the same on every machine. Inputs that come less
+    often are waited for when they are due, and held in between; their own stamps tell their ages.
 
     Args:
         node: The node; something has to spin it.
         decide: Called with the inputs by topic, and the scene; returns a command, of which the header is filled in.
         inputs: Message types by topics, all of them with a header and with the same stamps.
         command: Topic and type of the command, such as ``/ego/ackermann_cmd`` and ``AckermannDriveStamped``.
-        period_ticks: Number of ticks from one input to the next.
+        period_ticks: Number of ticks from one set of inputs to the next.
+        load: As for ``Lockstep``; it may set ``periods``.
+        periods: Number of ticks from one message to the next of the topics that come less often than the others.
 
     Example:
         >>> def decide(inputs, scene):
@@ -189,26 +192,48 @@ class Driver:
         *,
         period_ticks: int = 1,
         namespace: str = "",
+        load: Callable[[dict[str, Any]], object] | None = None,
+        periods: dict[str, int] | None = None,
     ) -> None:
         topic, kind = command
         agent = topic.removeprefix(namespace).split("/")[1]
-        self._decide, self._inputs, self._waiting = decide, inputs, dict[tuple[int, int], dict[str, Any]]()
+        self.periods = periods or {}
+        self._decide, self._inputs, self._load = decide, inputs, load
+        self._waiting, self._held = dict[int, dict[str, Any]](), dict[str, tuple[int, Any]]()
         self._commands = node.create_publisher(kind, topic, 100)
-        self.lockstep = Lockstep(node, f"{agent}_driver", period_ticks=period_ticks, namespace=namespace)
+        self.lockstep = Lockstep(
+            node, f"{agent}_driver", load=self._start, period_ticks=period_ticks, namespace=namespace
+        )
         self.lockstep.outputs.append(self._commands)
         for name, each in inputs.items():
             node.create_subscription(each, name, partial(self._receive, name), 100)
 
+    def _start(self, scene: dict[str, Any]) -> None:
+        self._waiting, self._held = {}, {}
+        if self._load is not None:
+            self._load(scene)
+
     def _receive(self, name: str, message: Any) -> None:
         stamp = message.header.stamp
-        arrived = self._waiting.setdefault((stamp.sec, stamp.nanosec), {})
-        arrived[name] = message
-        if len(arrived) < len(self._inputs) or self.lockstep.scene is None:
-            return
-        self._waiting = {key: each for key, each in self._waiting.items() if key > (stamp.sec, stamp.nanosec)}
-        command = self._decide(arrived, self.lockstep.scene)
-        for tick in range(self.lockstep.period_ticks):  # the world waits for a command at each tick
-            ns = stamp.nanosec + tick * self.lockstep.scene["tick_ns"]
-            command.header.stamp.sec, command.header.stamp.nanosec = stamp.sec + ns // _NS_PER_S, ns % _NS_PER_S
+        self._waiting.setdefault(stamp.sec * _NS_PER_S + stamp.nanosec, {})[name] = message
+        scene = self.lockstep.scene
+        for stamp_ns in sorted(self._waiting) if scene is not None else ():
+            held = {
+                name: each
+                for name, (at_ns, each) in self._held.items()
+                if stamp_ns < at_ns + self.periods[name] * scene["tick_ns"]
+            }
+            inputs = held | self._waiting[stamp_ns]
+            if len(inputs) == len(self._inputs):
+                self._held |= {name: (stamp_ns, inputs[name]) for name in self.periods if name not in held}
+                self._waiting = {at_ns: each for at_ns, each in self._waiting.items() if at_ns > stamp_ns}
+                self._command(self._decide(inputs, scene), stamp_ns, scene["tick_ns"])
+
+    def _command(self, command: Any, stamp_ns: int, tick_ns: int) -> None:
+        """Publish a command for each tick of a period, as the world waits for one, and report the inputs as finished."""
+        stamp = command.header.stamp
+        for tick in range(self.lockstep.period_ticks):
+            stamp.sec, stamp.nanosec = divmod(stamp_ns + tick * tick_ns, _NS_PER_S)
             self._commands.publish(command)
+        stamp.sec, stamp.nanosec = divmod(stamp_ns, _NS_PER_S)
         self.lockstep.finished(stamp)

@@ -57,7 +57,7 @@ def suite_scenarios(stack: str, interface: str, routes: int) -> dict[str, Scenar
     table, abilities = _table(), _table()["abilities"]
     towns, scenarios = table["towns"], {}
     driver = _OWN_DRIVERS.get(stack, DRIVER_INTERFACE if stack in INCLUDED_DRIVERS else interface)
-    own: dict[str, Any] = {"ego": {"driver": driver}}
+    own: dict[str, Any] = _merged(table["drivers"].get(stack, {}), {"ego": {"driver": driver}})
     if stack not in _OWN_DRIVERS:
         own["drive"] = {"stack": stack}
     for index, (ability, changes) in enumerate(abilities.items()):

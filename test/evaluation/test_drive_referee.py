@@ -158,6 +158,19 @@ def test_an_emergency_vehicle_behind_must_be_let_pass_within_10_s() -> None:
     assert not of_kind(drive(straight(8.0), 14.0, scene, others=plain)[1], K.YIELD)
 
 
+def test_a_queue_ahead_holds_an_emergency_vehicle_up_and_not_the_ego_that_stands_in_it() -> None:
+    scene = spec(vehicles=[{"emergency_lights": True}])
+
+    def queue(leaves_s: float) -> list[Infraction]:
+        def others(t: float) -> list[Table]:
+            return [actor(2, straight(0.0, 0.0), t), actor(3, straight(0.0, 17.0 if t < leaves_s else 60.0), t)]
+
+        return of_kind(drive(straight(0.0), 24.0, scene, others=others)[1], K.YIELD)
+
+    assert not queue(leaves_s=30.0)
+    assert [round(each.tick * TICK_S) for each in queue(leaves_s=5.0)] == [15]
+
+
 def test_driving_in_the_lane_of_the_other_direction_counts_by_meters_within_a_second() -> None:
     referee, found = drive(straight(5.0, 10.0, LEFT_M), 10.0)
     (wrong,) = of_kind(found, K.WRONG_DIRECTION)
@@ -220,16 +233,32 @@ def test_standstill_ends_the_drive_and_what_follows_is_free() -> None:
     assert referee.record.completed == pytest.approx(30.0 / 300.0)
 
 
-def test_speed_is_compared_with_the_moving_traffic_nearby_four_times() -> None:
+def test_speed_is_compared_with_the_moving_traffic_nearby_four_times_up_to_the_goal() -> None:
     def others(time_s: float) -> list[Table]:
         parked = actor(4, straight(0.0, 15.0, -6.0), time_s)
         parked["behavior"] = Behavior.PARKED
-        return [actor(2, straight(6.0, 30.0, LEFT_M), time_s), parked, actor(5, straight(20.0, 900.0), time_s)]
+        lanes = [actor(2, straight(6.0, x_m, LEFT_M), time_s) for x_m in (30.0, -60.0, -150.0)]
+        return [*lanes, parked, actor(5, straight(20.0, 900.0), time_s)]
 
     _, found = drive(straight(3.0), 40.0, spec(goal_m=110.0), others=others)
     slow = of_kind(found, K.MIN_SPEED)
-    assert [each.value for each in slow[:1]] == pytest.approx([0.5])
-    assert [round(each.position_m[0]) for each in slow[:1]] == [35]
+    # the goal is reached after 98 m; traffic that starts at 2 m/s² is at 6 m/s after 3 s, and 9 m behind
+    assert [round(each.position_m[0], 1) for each in slow] == pytest.approx([34.5, 59.0, 83.5, 108.0], abs=0.15)
+    assert slow[0].value == pytest.approx(24.5 / (2.0 * 24.5 - 9.0), rel=0.01)
+    assert [each.value for each in slow[1:]] == pytest.approx([0.5] * 3)
+
+
+def test_an_ego_that_starts_as_the_traffic_could_have_done_is_not_slow() -> None:
+    def start(time_s: float) -> tuple[float, float, float]:
+        until_s = min(time_s, 5.0)
+        return 10.0 + until_s**2 + 10.0 * (time_s - until_s), RIGHT_M, 0.0
+
+    def fast(time_s: float) -> list[Table]:
+        return [actor(2, straight(9.9, x_m, LEFT_M), time_s) for x_m in (0.0, -30.0)]
+
+    assert not of_kind(drive(start, 40.0, others=fast)[1], K.MIN_SPEED)
+    late = drive(lambda time_s: start(max(time_s - 1.0, 0.0)), 40.0, others=fast)[1]
+    assert len(of_kind(late, K.MIN_SPEED)) == 1
 
 
 def test_time_to_collision_is_the_gap_over_the_closing_speed() -> None:

@@ -32,6 +32,7 @@ _LANE_M = 3.4  # from lane to lane, up to 1 m more or less
 _STOP_ZONE_M, _STANDING_MPS = 3.5, 0.08  # a stop sign is served by standing so near to its line
 _YELLOW_MPS2 = 2.5  # braking that a yellow light is worth on a dry road
 _LINE_M, _DOOR_M = 0.1, 0.95  # from the edges of the lane, and length of an open door
+_LEVEL_M, _WINDOW_M = 3.0, (-30.0, 100.0)  # from the road's height, on the part of the route that matters
 _LEFT_DOORS, _RIGHT_DOORS = 0b0101, 0b1010
 _RED = (SignalState.RED, SignalState.RED_YELLOW)
 
@@ -60,6 +61,7 @@ class RouteDriver:
         is_truth, (self._length_m, width_m, _) = kind is DriverKind.TRUTH, blueprint.size_m
         self._grip = _grip(scene) if is_truth else 1.0
         self._line = RouteLine(scene["drive"]["route"], self._grip)
+        self._route_m = np.array([scene["drive"]["route"][f"{axis}_m"] for axis in "xyz"], np.float64).T
         network = load_network(MapSpec.model_validate(scene["map"]))
         room_m = _room_m(scene["drive"]["route"], network, width_m) if is_truth else None
         beside_m = _lanes_beside(self._line, network)
@@ -89,11 +91,24 @@ class RouteDriver:
         start_m = self._planner.advance_to(center_m)
         if self._kind is DriverKind.CONSTANT:
             return self._line.axles_at(self._constant(start_m, speed_mps), self._axle_m)
-        others = _actors(actors) if actors is not None else _boxes(boxes, center_m, pose[2], self._length_m)
+        if actors is not None:
+            others = _actors(self._level_with_route(actors, start_m))
+        elif boxes is not None:
+            others = _boxes(self._level_with_route(boxes, start_m), center_m, pose[2], self._length_m)
+        else:
+            raise ValueError("neither actors nor boxes are known")
         front_m = start_m + self._length_m / 2.0
         stops_m = [*self._red_lights(signals, front_m, speed_mps), *self._stop_signs(front_m, speed_mps)]
         motion = self._planner.plan(speed_mps, others, stops_m)
         return self._planner.line.axles_at(motion.distance_m, self._axle_m)
+
+    def _level_with_route(self, rows: Table, start_m: float) -> Table:
+        """The rows that are not on a bridge over the route, nor below it."""
+        first, last = np.searchsorted(self._line.distance_m, start_m + np.array(_WINDOW_M)).tolist()
+        part_m = self._route_m[max(first - 1, 0) : last + 1]
+        offset_m = _pair(rows, "x", "y")[:, None] - part_m[:, :2]
+        nearest = np.argmin(np.einsum("nki,nki->nk", offset_m, offset_m), axis=1)
+        return rows[np.abs(rows["z"] - part_m[nearest, 2]) < _LEVEL_M]
 
     def _constant(self, start_m: float, speed_mps: float) -> Float64Array:
         time_s = np.arange(60) * self._tick_s
@@ -163,10 +178,8 @@ def _actors(actors: Table) -> Others:
     return replace(others, position_m=position_m, size_m=size_m)
 
 
-def _boxes(boxes: Table | None, center_m: Float64Array, yaw_rad: float, length_m: float) -> Others:
+def _boxes(boxes: Table, center_m: Float64Array, yaw_rad: float, length_m: float) -> Others:
     """Likely boxes that are not the ego itself."""
-    if boxes is None:
-        raise ValueError("neither actors nor boxes are known")
     seen_m = _pair(boxes, "x", "y") - center_m
     along_m, left_m = seen_m @ [np.cos(yaw_rad), np.sin(yaw_rad)], seen_m @ [-np.sin(yaw_rad), np.cos(yaw_rad)]
     is_own = (np.abs(along_m) < length_m / 2.0) & (np.abs(left_m) < 1.0)

@@ -66,6 +66,15 @@ def test_an_open_door_belongs_to_its_vehicle_on_its_side() -> None:
     np.testing.assert_allclose(found.position_m, [[0.0, 0.0], [-0.475, 0.0], [0.0, 0.0]], atol=1e-6)
 
 
+def test_what_is_on_a_bridge_over_the_route_or_below_it_does_not_concern_the_driver() -> None:
+    spec = event_scene("blocked_lane", NORTH, 1, ticks=20)
+    driver, route = drivers.RouteDriver(drivers.DriverKind.TRUTH, json.loads(spec.model_dump_json())), spec.drive.route
+    rows = np.zeros(3, ACTOR_DTYPE)
+    rows["id"], rows["x"], rows["y"] = range(2, 5), route.x_m[20], route.y_m[20]
+    rows["z"] = np.array([0.0, 5.0, -5.0]) + route.z_m[20]
+    assert driver._level_with_route(rows, 0.0)["id"].tolist() == [2]
+
+
 def test_the_driver_counts_on_the_least_grip_of_the_scene() -> None:
     wet, snowy = (NOON.model_copy(update=each).model_dump() for each in ({"wetness": 100}, {"snow_cover": 100}))
     assert drivers._grip({"weather": NOON.model_dump(), "final_weather": None}) == 1.0

@@ -14,10 +14,11 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, Behavior
 
 SPEED_CHECKS = 20
-"""Speed checks on a route, one for every 5 % of it (Bench2Drive)."""
+"""Speed checks on a route, one for every 5 % of the distance to the goal (Bench2Drive)."""
 
 _CHECKS_PER_INFRACTION = 5  # CARLA's leaderboard checks four times
 _NEARBY_M = 50.0
+_STARTING_MPS2 = 2.0  # CARLA's traffic starts from rest together with the ego; here it is under way
 _TRAFFIC = (Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCLE)
 _SCENARIO_M, _SCENARIO_S = 100.0, 240.0  # CARLA's leaderboard: four minutes
 
@@ -37,12 +38,14 @@ class SpeedSums(NamedTuple):
 class SpeedRule:
     """Compares the speed of the ego with that of the traffic within 50 m, from one check to the next.
 
+    The traffic counts as if it had started from rest at tick 0, as the ego does.
+
     Attributes:
         checks: Sums at the start and at each check that the ego has reached.
     """
 
     def __init__(self, spec: SceneSpec, drive: DriveSpec) -> None:
-        self._spacing_m = drive.route.length_m / SPEED_CHECKS
+        self._spacing_m = (drive.route.length_m - drive.goal_radius_m) / SPEED_CHECKS
         standing = [EGO_ID + k for k, vehicle in enumerate(spec.vehicles) if vehicle.stands_at is not None]
         self._standing, self._sums = np.array(standing, np.int64), SpeedSums(0.0, 0.0)
         self.checks = [self._sums]
@@ -55,6 +58,7 @@ class SpeedRule:
         near = others[counts & (np.hypot(*moment.seen_from_ego(others).T) < _NEARBY_M)]
         if len(near):
             traffic_mps = float(np.hypot(near["vx"], near["vy"]).mean())
+            traffic_mps = min(traffic_mps, _STARTING_MPS2 * moment.state.tick * moment.tick_s)
             self._sums = SpeedSums(self._sums.ego + moment.speed_mps, self._sums.traffic + traffic_mps)
         while len(self.checks) <= SPEED_CHECKS and moment.distance_m >= len(self.checks) * self._spacing_m - 1e-6:
             self.checks.append(self._sums)

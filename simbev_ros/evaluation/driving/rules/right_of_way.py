@@ -12,12 +12,13 @@ from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.layout import SignKind
 from simbev_ros.schema.scene.route_progress import STANDING_MPS
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import EGO_ID, SignalState
+from simbev_ros.schema.scene.state import EGO_ID, Behavior, SignalState
 
 _STOP_ZONE_M = 4.0  # before the line (CARLA)
 _MAX_TURN_COS = 0.5
 _LEVEL_M = 3.0
 _HELD_UP_M, _HELD_UP_S = 25.0, 10.0
+_QUEUE_M, _CREEPING_MPS = 5.0, 3.0
 _RED = (SignalState.RED, SignalState.RED_YELLOW)
 
 
@@ -102,7 +103,10 @@ class StopSignRule:
 
 
 class YieldRule:
-    """Yields when an emergency vehicle with its lights on is behind the ego, on its path, for 10 s altogether."""
+    """Yields when an emergency vehicle with its lights on is behind the ego, on its path, for 10 s altogether.
+
+    While the ego stands or creeps in a queue, it is not the one that holds the vehicle up.
+    """
 
     def __init__(self, spec: SceneSpec) -> None:
         vehicles = enumerate(spec.vehicles)
@@ -111,14 +115,17 @@ class YieldRule:
 
     def judge(self, moment: Moment) -> Iterator[Infraction]:
         """Yield the emergency vehicles that the ego has held up for too long now."""
-        others = moment.others
-        rows = others[np.isin(others["id"], self._ids)] if self._ids else others[:0]
-        seen_m = moment.seen_from_ego(rows)
-        gap_m = -seen_m[:, 0] - (rows["length"] + moment.ego["length"]) / 2.0
-        in_path = np.abs(seen_m[:, 1]) < (rows["width"] + moment.ego["width"]) / 2.0
-        same_way = np.cos(rows["yaw"].astype(np.float64) - moment.yaw_rad) > _MAX_TURN_COS
-        held_up = in_path & same_way & (gap_m > -1.0) & (gap_m < _HELD_UP_M) & is_beside_in_height(moment, rows)
-        for actor_id in rows["id"][held_up].tolist():
+        others = moment.others if self._ids else moment.others[:0]
+        seen_m = moment.seen_from_ego(others)
+        gap_m = np.abs(seen_m[:, 0]) - (others["length"] + moment.ego["length"]) / 2.0
+        in_path = np.abs(seen_m[:, 1]) < (others["width"] + moment.ego["width"]) / 2.0
+        in_path &= np.cos(others["yaw"].astype(np.float64) - moment.yaw_rad) > _MAX_TURN_COS
+        in_path &= (gap_m > -1.0) & is_beside_in_height(moment, others)
+        ahead = in_path & (seen_m[:, 0] > 0.0) & (gap_m < _QUEUE_M) & (others["behavior"] & Behavior.PARKED == 0)
+        if moment.speed_mps < _CREEPING_MPS and ahead.any():
+            return
+        held_up = in_path & (seen_m[:, 0] < 0.0) & (gap_m < _HELD_UP_M) & np.isin(others["id"], self._ids)
+        for actor_id in others["id"][held_up].tolist():
             before_s = self._held_up_s[actor_id]
             self._held_up_s[actor_id] = now_s = before_s + moment.tick_s
             if before_s < _HELD_UP_S <= now_s:

@@ -216,8 +216,9 @@ class Driver:
     def _receive(self, name: str, message: Any) -> None:
         stamp = message.header.stamp
         self._waiting.setdefault(stamp.sec * _NS_PER_S + stamp.nanosec, {})[name] = message
-        scene = self.lockstep.scene
-        for stamp_ns in sorted(self._waiting) if scene is not None else ():
+        if (scene := self.lockstep.scene) is None:
+            return
+        for stamp_ns in sorted(self._waiting):
             held = {
                 name: each
                 for name, (at_ns, each) in self._held.items()
@@ -230,7 +231,7 @@ class Driver:
                 self._command(self._decide(inputs, scene), stamp_ns, scene["tick_ns"])
 
     def _command(self, command: Any, stamp_ns: int, tick_ns: int) -> None:
-        """Publish a command for each tick of a period, as the world waits for one, and report the inputs as finished."""
+        """Publish a command for each tick of a period, as the world waits for one; report the inputs as finished."""
         stamp = command.header.stamp
         for tick in range(self.lockstep.period_ticks):
             stamp.sec, stamp.nanosec = divmod(stamp_ns + tick * tick_ns, _NS_PER_S)

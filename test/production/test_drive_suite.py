@@ -120,3 +120,13 @@ def test_a_scene_without_room_for_its_event_is_drawn_again(required: bool, wante
     bare = spec.model_copy(update={"drive": spec.drive.model_copy(update={"events": ()})})
     assert [each.removesuffix(" on the route") for each in missing_events(scenario, bare)] == wanted
     assert not [*missing_events(scenario, spec)]
+
+
+def test_the_learned_driver_has_a_slower_lidar_and_drives_the_same_scenes() -> None:
+    (learned, truth) = (suite_scenarios(stack, "path", 5) for stack in ("drive-learned", "drive-truth"))
+    for ability, scenario in learned.items():
+        lidars = [each.rig.sensors[0] for each in (scenario, truth[ability])]
+        assert [each.rate_hz for each in lidars] == [4.0, 10.0]
+        assert scenario.rig.sensors[1:] == truth[ability].rig.sensors[1:]
+        same = {"rig": None, "drive": None}
+        assert scenario.model_copy(update=same) == truth[ability].model_copy(update=same)

@@ -66,7 +66,7 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import scene_number_of
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.replay.replay import Replay
-from simbev_ros.simulation.world.driving.driven_vehicle import COMMAND_TIMEOUT_S
+from simbev_ros.simulation.world.driving.driven_vehicles import COMMAND_TIMEOUT_S
 from simbev_ros.simulation.world.simulation import Simulation
 from simbev_ros.simulation.world.source import StateSource
 

@@ -247,3 +247,41 @@ def test_a_driver_answers_whole_sets_of_inputs_with_a_command_for_each_tick(worl
     assert [stamp_of(each.header.stamp) for each in commands] == [FIRST.stamp_ns(tick) for tick in (0, 1)]
     assert decided == [{"/ego/a", "/ego/b"}]
     driver.lockstep.close()
+
+
+def test_a_driver_holds_inputs_that_come_less_often_and_waits_for_them_when_they_are_due(world: World) -> None:
+    decided: list[list[int]] = []
+    loaded: list[object] = []
+
+    def decide(inputs: dict[str, PoseStamped], scene: dict[str, object]) -> PoseStamped:
+        decided.append(
+            [round((stamp_of(inputs[name].header.stamp) - FIRST.start_ns) / FIRST.tick_ns) for name in names]
+        )
+        return PoseStamped()
+
+    world.appear()
+    names = ["/ego/often", "/ego/seldom"]
+    driver = Driver(
+        world.stack,
+        decide,
+        dict.fromkeys(names, PoseStamped),
+        ("/mine/command", PoseStamped),
+        load=loaded.append,
+        periods={"/ego/seldom": 3},
+    )
+    world.lockstep = LockstepWindow([DRIVER], 8, outside=[DRIVER])
+    assert world.node is not None
+    often, seldom = (world.node.create_publisher(PoseStamped, name, 10) for name in names)
+    world.node.create_subscription(PoseStamped, "/mine/command", lambda _: None, 10)
+    world.announce(FIRST)
+    world.spin_until(lambda: world.lockstep.all_loaded)
+    assert len(loaded) == 1
+    for tick in range(-1, 5):
+        often.publish(PoseStamped(header=header(FIRST.stamp_ns(tick), "")))
+    seldom.publish(PoseStamped(header=header(FIRST.stamp_ns(0), "")))
+    world.spin_until(lambda: world.lockstep.finished_by_all() == 2)
+    assert decided == [[0, 0], [1, 0], [2, 0]]
+    seldom.publish(PoseStamped(header=header(FIRST.stamp_ns(3), "")))
+    world.spin_until(lambda: world.lockstep.finished_by_all() == 4)
+    assert decided[3:] == [[3, 3], [4, 3]]
+    driver.lockstep.close()

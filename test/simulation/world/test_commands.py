@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.simulation.world.driving.commanded_driver import CommandedDriver
 from simbev_ros.simulation.world.driving.commands import AckermannCommand, TrajectoryCommand
+from simbev_ros.simulation.world.driving.driven_vehicles import CommandedDriver
 
 TICK_S, TICK_NS = 0.05, 50_000_000
 

@@ -6,7 +6,7 @@ from scene_edits import ego as ego_fields
 from world_scenes import TICK_S, blocks, scene
 
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
+from simbev_ros.simulation.world.driving.driven_vehicles import EgoDriver
 from simbev_ros.simulation.world.simulation import Simulation
 
 SEDAN = blueprint_named("vehicle.sedan")

@@ -17,8 +17,8 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import COLLISION, EGO_ID, WorldState
-from simbev_ros.simulation.world.events.cutting_in import CuttingIn
 from simbev_ros.simulation.world.events.motion import EgoOnRoute, Stage
+from simbev_ros.simulation.world.events.motions import CuttingIn
 from simbev_ros.simulation.world.events.route_events import EventRecord
 from simbev_ros.simulation.world.simulation import Simulation
 

@@ -10,9 +10,8 @@ from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.drive_spec import Command
 from simbev_ros.schema.scene.route_progress import RouteProgress
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.simulation.world.driving.commanded_driver import CommandedDriver
 from simbev_ros.simulation.world.driving.commands import DriverCommand, IndicatorsCommand
-from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
+from simbev_ros.simulation.world.driving.driven_vehicles import CommandedDriver, EgoDriver
 from simbev_ros.simulation.world.driving.vehicle_model import road_friction
 from simbev_ros.simulation.world.lights import LEFT_BLINKER, RIGHT_BLINKER
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic

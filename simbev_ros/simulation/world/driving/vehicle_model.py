@@ -174,15 +174,15 @@ class VehicleModel:
         self, step_s: float, steer_rad: float, demand_mps2: float, friction: float, slope: float, gear: float
     ) -> None:
         own = self.dynamics
-        target_rad = _clamp(steer_rad, own.max_steer_rad)
-        self.steer_rad += _clamp(target_rad - self.steer_rad, own.steer_rate_radps * step_s)
+        target_rad = clamp(steer_rad, own.max_steer_rad)
+        self.steer_rad += clamp(target_rad - self.steer_rad, own.steer_rate_radps * step_s)
         lag_s = own.brake_lag_s if demand_mps2 < 0.0 else own.drive_lag_s
         demand_mps2 = min(max(demand_mps2, -own.max_brake_mps2), self._max_drive_mps2())
         self.drive_mps2 += (demand_mps2 - self.drive_mps2) * (1.0 - math.exp(-step_s / lag_s))
         brakes, before_mps = self.drive_mps2 < 0.0, self.speed_mps
         grip_mps2 = friction * own.peak * GRAVITY_MPS2 / math.hypot(1.0, slope)
         direction = math.copysign(1.0, before_mps) if brakes and before_mps else gear
-        wheels_mps2 = direction * _clamp(self.drive_mps2, grip_mps2)
+        wheels_mps2 = direction * clamp(self.drive_mps2, grip_mps2)
         along_mps2 = wheels_mps2 - own.resistance_mps2(before_mps, slope)
         side_mps2, turn_radps2, bend_mps2 = self._lateral(along_mps2, wheels_mps2, friction)
         along_mps2 -= bend_mps2
@@ -239,6 +239,6 @@ class VehicleModel:
             self.left_mps = share * self.left_mps + (1.0 - share) * yaw_rate_radps * self.dynamics.rear_m
 
 
-def _clamp(value: float, limit: float) -> float:
+def clamp(value: float, limit: float) -> float:
     """The value, limited to ``limit`` in magnitude."""
     return min(max(value, -limit), limit)

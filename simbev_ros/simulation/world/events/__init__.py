@@ -1,1 +1,1 @@
-"""Motion of events along a route, one module per family of kinds; ``route_events`` has the table."""
+"""Events along a route: ``motion`` is what all motions share, ``motions`` has them, ``route_events`` the table."""

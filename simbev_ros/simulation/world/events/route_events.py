@@ -14,24 +14,20 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import Event
 from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.cast import actor_ids
-from simbev_ros.simulation.world.events.beside import HiddenPedestrian, OpeningDoor
-from simbev_ros.simulation.world.events.crossing import Crossing
-from simbev_ros.simulation.world.events.cutting_in import CuttingIn
-from simbev_ros.simulation.world.events.leading import Leading
+from simbev_ros.simulation.world.events import motions
 from simbev_ros.simulation.world.events.motion import EgoOnRoute, EventMotion, Stage
-from simbev_ros.simulation.world.events.on_the_road import BlockedLane, FogBank, Pursuing
 from simbev_ros.simulation.world.population import Population
 
 MOTIONS: Mapping[EventKind, Callable[[Stage], EventMotion]] = {
-    **dict.fromkeys((EventKind.HARD_BRAKE, EventKind.SLOW_VEHICLE), Leading),
-    **dict.fromkeys((EventKind.RED_LIGHT_RUNNER, EventKind.UNPROTECTED_LEFT, EventKind.MERGE), Crossing),
-    **dict.fromkeys((EventKind.ROUNDABOUT, EventKind.CYCLIST_AT_RIGHT_TURN), Crossing),
-    EventKind.CUT_IN: CuttingIn,
-    EventKind.HIDDEN_PEDESTRIAN: HiddenPedestrian,
-    EventKind.OPENING_DOOR: OpeningDoor,
-    EventKind.BLOCKED_LANE: BlockedLane,
-    EventKind.EMERGENCY_VEHICLE: Pursuing,
-    EventKind.FOG_BANK: FogBank,
+    **dict.fromkeys((EventKind.HARD_BRAKE, EventKind.SLOW_VEHICLE), motions.Leading),
+    **dict.fromkeys((EventKind.RED_LIGHT_RUNNER, EventKind.UNPROTECTED_LEFT, EventKind.MERGE), motions.Crossing),
+    **dict.fromkeys((EventKind.ROUNDABOUT, EventKind.CYCLIST_AT_RIGHT_TURN), motions.Crossing),
+    EventKind.CUT_IN: motions.CuttingIn,
+    EventKind.HIDDEN_PEDESTRIAN: motions.HiddenPedestrian,
+    EventKind.OPENING_DOOR: motions.OpeningDoor,
+    EventKind.BLOCKED_LANE: motions.BlockedLane,
+    EventKind.EMERGENCY_VEHICLE: motions.Pursuing,
+    EventKind.FOG_BANK: motions.FogBank,
 }
 """The motion of each kind of event."""
 

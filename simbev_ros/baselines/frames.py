@@ -57,16 +57,12 @@ def points_of_frame(
     return np.concatenate(parts)
 
 
-def projections(
-    pixel_from_ego: Float64Array, map_from_ego: Float64Array, newest_map_from_ego: Float64Array | None = None
-) -> Float32Array:
+def projections(pixel_from_ego: Float64Array, map_from_ego: Float64Array) -> Float32Array:
     """(K, 3, 4) projections from the level frame to u * depth, v * depth and depth in pixels and m.
 
     Args:
         pixel_from_ego: (K, 3, 4) the same from the ego frame.
-        map_from_ego: (4, 4) pose of the ego when the images were taken.
-        newest_map_from_ego: (4, 4) pose of the ego whose level frame it is, for earlier images; None: the same pose.
+        map_from_ego: (4, 4) pose of the ego.
     """
-    level = level_from_map(map_from_ego if newest_map_from_ego is None else newest_map_from_ego)
-    ego_from_level = np.linalg.inv(level @ map_from_ego)
+    ego_from_level = np.linalg.inv(level_from_map(map_from_ego) @ map_from_ego)
     return np.asarray(pixel_from_ego @ ego_from_level, np.float32)

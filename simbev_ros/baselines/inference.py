@@ -27,7 +27,7 @@ ABOUT_KEY = "simbev_ros"
 _SMALL = ("small_heat", "small_boxes")
 _HEADS = ("heat", "boxes", *_SMALL)
 """Outputs with peaks and values of boxes; models of earlier versions have all classes in the first two."""
-_MAX_SWEEPS, _MAX_IMAGE_TIMES, _MAX_AGE_S = 64, 8, 60.0
+_MAX_SWEEPS, _MAX_AGE_S = 64, 60.0
 _MAX_IMAGE_VALUES = 1 << 28
 
 
@@ -55,9 +55,8 @@ class Baseline:
     Attributes:
         modality: What it sees.
         camera_size_px: Width and height of the images it takes; None without cameras.
-        cameras: Number of its images of each time.
+        cameras: Number of its images.
         sweep_ages_ns: Ages of the sweeps it takes, ascending.
-        image_ages_ns: Ages of the images it takes, ascending from 0.
 
     Raises:
         InputError: ONNX Runtime is not installed, or the file is not such a model.
@@ -76,19 +75,15 @@ class Baseline:
             self.about = about
             self.modality = Modality(about["modality"])
             self.sweep_ages_ns = _sweep_ages_ns(about["sweep_ages_s"])
-            self.image_ages_ns = ages_ns_of_images(about)
         outputs = {each.name for each in self._session.get_outputs()}
         self._heads = [name for name in _HEADS if name in outputs or name not in _SMALL]
         with foreign_content(f"{path}: inputs"):
             shapes = {each.name: each.shape for each in self._session.get_inputs()}
             images = [int(each) for each in shapes.get("images") or ()]
-            times = len(self.image_ages_ns)
-            self.cameras = images[0] // times if images else 0
+            self.cameras = images[0] if images else 0
             self.camera_size_px = (images[2], images[1]) if images else None
             if images and not (min(images) > 0 and math.prod(images) <= _MAX_IMAGE_VALUES):
                 raise ValueError(f"images: have the shape {images!s:.80}; at most {_MAX_IMAGE_VALUES:,} are read")
-            if images and images[0] % times:
-                raise ValueError(f"images: have the shape {images!s:.80}, which are not those of {times} times")
 
     def answer(
         self,
@@ -100,9 +95,8 @@ class Baseline:
 
         Args:
             points: (N, 4) x, y, z (m, level frame) and index of the sweep, 0 the newest; see ``frames``.
-            images: K images (H, W, 3), RGB, of each of ``image_ages_ns``, the newest first.
-            pixel_from_level: (times * K, 3, 4) projections to u * depth, v * depth, depth; pixel centers at integers.
-                A missing image is black and has a projection of zeros.
+            images: K images (H, W, 3), RGB.
+            pixel_from_level: (K, 3, 4) projections to u * depth, v * depth, depth; pixel centers at integers.
 
         Raises:
             InputError: The model does not compute what a baseline does.
@@ -126,30 +120,13 @@ def decode_answer(cells: UInt8Array, *heads: Float32Array) -> Answer:
     return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, boxes)
 
 
-def ages_ns_of_images(about: dict[str, Any]) -> tuple[int, ...]:
-    """Ages in ns of the images that a model takes by its metadata; models of earlier versions have one time.
-
-    Raises:
-        ValueError: A model cannot have them.
-    """
-    ages_ns = _ages_ns("image_ages_s", about.get("image_ages_s", [0.0]), _MAX_IMAGE_TIMES)
-    if ages_ns[0] != 0:
-        raise ValueError("image_ages_s: must begin with 0")
-    return ages_ns
-
-
 def _sweep_ages_ns(ages_s: Any) -> tuple[int, ...]:
     """Ages of sweeps in ns; raises ValueError if a model cannot have them."""
-    return _ages_ns("sweep_ages_s", ages_s, _MAX_SWEEPS)
-
-
-def _ages_ns(name: str, ages_s: Any, limit: int) -> tuple[int, ...]:
-    """Ages in ns; raises ValueError, which names the field, if a model cannot have them."""
-    is_list = isinstance(ages_s, list) and 1 <= len(ages_s) <= limit
+    is_list = isinstance(ages_s, list) and 1 <= len(ages_s) <= _MAX_SWEEPS
     if not is_list or not all(type(age) in (int, float) and 0 <= age <= _MAX_AGE_S for age in ages_s):
-        raise ValueError(f"{name}: must be 1 to {limit} ages from 0 to {_MAX_AGE_S:g} s")
+        raise ValueError(f"sweep_ages_s: must be 1 to {_MAX_SWEEPS} ages from 0 to {_MAX_AGE_S:g} s")
     if sorted(set(ages_s)) != ages_s:
-        raise ValueError(f"{name}: must ascend")
+        raise ValueError("sweep_ages_s: must ascend")
     return sweep_ages_ns(ages_s)
 
 

@@ -12,9 +12,8 @@ from simbev_ros.baselines.grid import CELL_M, CELLS
 from simbev_ros.baselines.inference import Answer
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.node.answering import Answering, Frame, scores_on_grid
-from simbev_ros.baselines.node.image_fit import ImageFit
-from simbev_ros.baselines.node.memory import ImageSet, Sweep
 from simbev_ros.baselines.node.scene_inputs import inputs_of_scene
+from simbev_ros.baselines.node.sweeps import Sweep
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array, UInt8Array
@@ -62,8 +61,7 @@ def answering(baseline: FakeBaseline, *, tracks: bool = False) -> Answering:
 def frame(map_from_ego: Float64Array, *older: Sweep | None) -> Frame:
     sweep = Sweep(10**9, np.array([[1.0, 2.0, 3.0]], np.float32), map_from_ego)
     white = np.full((48, 64, 3), 255, np.uint8)
-    newest = ImageSet(10**9, {"front": lambda fit: fit.fit(white)}, map_from_ego)
-    return Frame(10**9, map_from_ego, [sweep, *older], [newest])
+    return Frame(10**9, map_from_ego, [sweep, *older], {"front": lambda fit: fit.fit(white)})
 
 
 def test_cameras_that_the_rig_lacks_are_black_and_see_nothing() -> None:
@@ -72,33 +70,6 @@ def test_cameras_that_the_rig_lacks_are_black_and_see_nothing() -> None:
     [(_, images, pixel_from_level)] = baseline.given
     assert images.shape == (3, 32, 64, 3) and (images[0] == 255).all() and not images[1:].any()
     assert pixel_from_level.shape == (3, 3, 4) and pixel_from_level[0].any() and not pixel_from_level[1:].any()
-
-
-def test_earlier_images_have_projections_from_the_level_frame_of_the_newest() -> None:
-    gray = np.full((48, 64, 3), 90, np.uint8)
-    older = ImageSet(5 * 10**8, {"front": lambda fit: fit.fit(gray)}, pose(95.0, 0.0))
-    baseline, now = FakeBaseline(), frame(pose(100.0, np.pi / 2))
-    answering(baseline).answer(replace(now, images=[*now.images, None, older]))
-    [(_, images, pixel_from_level)] = baseline.given
-    assert images[:, 0, 0, 0].tolist() == [255, 0, 0, 0, 0, 0, 90, 0, 0]
-    assert pixel_from_level.shape == (9, 3, 4) and not pixel_from_level[[1, 2, 3, 4, 5, 7, 8]].any()
-    # The ego has turned left: to its right is what is ahead of where it was, 5 m behind.
-    assert pixel_from_level[6] @ [0.0, -20.0, 1.6, 1.0] == pytest.approx(pixel_from_level[0] @ [25.0, 0.0, 1.6, 1.0])
-    assert (pixel_from_level[6] @ [0.0, -20.0, 1.6, 1.0])[2] == pytest.approx(24.4)
-
-
-def refuse_image(_: ImageFit) -> UInt8Array:
-    raise ValueError("no JPEG")
-
-
-def test_an_image_that_is_damaged_is_missing_in_later_frames() -> None:
-    damaged = ImageSet(5 * 10**8, {"front": refuse_image}, pose(0.0, 0.0))
-    baseline, now = FakeBaseline(), frame(pose(0.0, 0.0))
-    answering(baseline).answer(replace(now, images=[*now.images, damaged]))
-    [(_, images, pixel_from_level)] = baseline.given
-    assert images[0].any() and not images[1:].any() and not pixel_from_level[1:].any()
-    with pytest.raises(ValueError, match="no JPEG"):
-        answering(baseline).answer(replace(now, images=[damaged, None]))
 
 
 def test_earlier_sweeps_move_to_the_frame_of_the_newest() -> None:

@@ -1,7 +1,6 @@
 """Recordings in the layouts of others: points, poses, images and labels come to where they belong."""
 
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -10,13 +9,11 @@ import pytest
 from made_up_recording import CAR_M, HEIGHT_M, ground_cloud, write_nuscenes
 
 from simbev_ros.baselines.boxes import BOX_DTYPE
-from simbev_ros.baselines.inference import Answer
-from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.recordings.clouds import read_cloud
 from simbev_ros.baselines.recordings.folder import folder_frames, read_poses, read_sensors
 from simbev_ros.baselines.recordings.ground import ego_from_lidar_in_frame, ego_from_lidar_of
 from simbev_ros.baselines.recordings.kitti import kitti_frames
-from simbev_ros.baselines.recordings.model_inputs import BODY_M, answer_view, ground_pose, view_frame
+from simbev_ros.baselines.recordings.model_inputs import BODY_M, ground_pose, view_frame
 from simbev_ros.baselines.recordings.nuscenes import nuscenes_frames
 from simbev_ros.baselines.recordings.recording import OTHER_CLASS, boxes_in_frame
 from simbev_ros.foundation.errors import InputError
@@ -116,21 +113,6 @@ def test_key_frames_of_nuscenes_have_earlier_sweeps_where_the_world_was(nuscenes
         of_car = points[near.all(1) & (points[:, 2] > 0.1)]
         assert of_car.mean(0) == pytest.approx([9.0, 3.0, 0.85], abs=0.15)
         assert np.abs(points[:, 2]).min() < 0.01
-
-
-def test_images_of_earlier_key_frames_of_nuscenes_are_seen_from_the_newest(nuscenes: Path) -> None:
-    first, second = nuscenes_frames(nuscenes, "v1.0-mini")
-    view = view_frame(second, (0,), None, (0, 500_000_000, 1_000_000_000))
-    half_a_second, a_second = view.earlier_photos
-    assert (list(half_a_second), list(a_second)) == (["CAM_FRONT"], [])
-    alone, earlier = view_frame(first, (0,), None).photos["CAM_FRONT"], half_a_second["CAM_FRONT"]
-    for newest_ego, ego in (([9.0, 3.0, 0.8], [11.0, 3.0, 0.8]), ([4.0, -2.0, 0.0], [6.0, -2.0, 0.0])):  # 2 m apart
-        pixels = [
-            photo.camera.project(apply(photo.optical_from_ego, np.array([point])))
-            for photo, point in ((earlier, newest_ego), (alone, ego))
-        ]
-        assert pixels[0] == pytest.approx(pixels[1])
-    assert view_frame(first, (0,), None, (0, 500_000_000)).earlier_photos == [{}]
 
 
 def test_points_of_the_vehicle_itself_are_left_out(nuscenes: Path) -> None:
@@ -244,35 +226,6 @@ def test_poses_of_a_folder_bring_earlier_sweeps_to_the_newest(tmp_path: Path) ->
     view = view_frame(frames[2], (0, 250_000_000, 500_000_000), None)
     pole = view.points[(np.abs(view.points[:, 1]) < 0.02) & (view.points[:, 2] > 1.0)]
     assert [pole[pole[:, 3] == sweep, 0].mean() for sweep in range(3)] == pytest.approx([8.0, 8.0, 8.0])
-
-
-class NotingBaseline:
-    """A model of two images of two times, which notes what it is given."""
-
-    modality, cameras, camera_size_px, image_ages_ns = Modality.CAMERA, 2, (64, 48), (0, 500_000_000)
-
-    def __init__(self) -> None:
-        self.given: list[tuple[Any, Any]] = []
-
-    def answer(self, _: Any, images: Any, pixel_from_level: Any) -> Answer:
-        self.given.append((images, pixel_from_level))
-        return Answer(np.zeros((1, 1, 1), np.uint8), np.zeros(0, BOX_DTYPE))
-
-
-@pytest.mark.parametrize(("has_poses", "seen"), [(True, [0, 2]), (False, [0])])
-def test_earlier_images_of_a_folder_need_poses(tmp_path: Path, has_poses: bool, seen: list[int]) -> None:
-    poses = "".join(f"1 0 0 {number} 0 1 0 0 0 0 1 0\n" for number in range(3))
-    lidar = f"lidar: {{rate_hz: 4, pose: {{z_m: 1.9}}{', poses: poses.txt' if has_poses else ''}}}"
-    write_folder(tmp_path / "a", f"{lidar}\ncameras: {{front: {CAMERA}}}", poses)
-    baseline: Any = NotingBaseline()
-    for frame in folder_frames(tmp_path / "a"):
-        answer_view(baseline, view_frame(frame, (0,), None, baseline.image_ages_ns))
-    (_, first), (without_image, _), (images, pixel_from_level) = baseline.given
-    assert np.flatnonzero(first.any((1, 2))).tolist() == [0] and not without_image.any()
-    for each in (images.any((1, 2, 3)), pixel_from_level.any((1, 2))):
-        assert np.flatnonzero(each).tolist() == seen
-    depth_m = pixel_from_level[:, 2] @ np.array([8.0, 0.0, 1.0, 1.0])  # the pole, and where it was 2 m before
-    assert depth_m == pytest.approx([8.0, 0.0, 10.0 if has_poses else 0.0, 0.0])
 
 
 def test_without_poses_a_frame_has_one_sweep_and_the_images_of_its_name(tmp_path: Path) -> None:

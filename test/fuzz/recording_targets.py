@@ -61,7 +61,7 @@ def _look_at(frames: list[RecordedFrame]) -> None:
     """Read all of some frames."""
     ground = ground_pose(frames)
     for frame in frames[:3]:
-        view = view_frame(frame, (0, 100_000_000), ground, (0, 100_000_000))
+        view = view_frame(frame, (0, 100_000_000), ground)
         assert view.points.shape[1:] == (4,)
         if frame.labels is not None:
             _require_consistent(frame.labels())

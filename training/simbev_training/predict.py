@@ -43,8 +43,7 @@ def predict(
         for scene in scenes:
             name, tables, ticks = str(scene.about["name"]), [], []
             for index in range(0, len(scene.frames), every):
-                sample = scene.sample(index, baseline.sweep_ages_ns, baseline.image_ages_ns)
-                frame = scene.frames[index]
+                sample, frame = scene.sample(index, baseline.sweep_ages_ns), scene.frames[index]
                 images = sample.images() if baseline.modality.has_cameras else None
                 answer = baseline.answer(sample.points(), images, sample.pixel_from_level)
                 tick = int(frame["tick"])

@@ -35,7 +35,7 @@ TICKS = 7
 class StandingCar:
     """A model that finds the same car in every frame."""
 
-    modality, sweep_ages_ns, image_ages_ns = Modality.LIDAR, (0,), (0,)
+    modality, sweep_ages_ns = Modality.LIDAR, (0,)
 
     def answer(self, *_: Any) -> Answer:
         boxes = np.zeros(1, BOX_DTYPE)

@@ -1,6 +1,6 @@
 """Answers frames with a baseline: what comes from sensors becomes the model's input, its output what is published."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +10,18 @@ from simbev_ros.baselines.boxes import boxes_in_map
 from simbev_ros.baselines.frames import points_of_frame, projections
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M
 from simbev_ros.baselines.inference import Baseline
-from simbev_ros.baselines.node.memory import ImageSet, Sweep
+from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projections
+from simbev_ros.baselines.node.sweeps import Sweep
 from simbev_ros.baselines.tracker import Tracker
 from simbev_ros.evaluation.metrics.boxes import NO_TRACK
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.types import Float32Array, Float64Array, Table, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
+
+ReadImage = Callable[[ImageFit], UInt8Array]
+"""Gives an image (H, W, 3), RGB, in the model's size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +32,13 @@ class Frame:
         stamp_ns: Its stamp.
         map_from_ego: (4, 4) pose of the ego.
         sweeps: Its sweeps, newest first; empty: the model sees no lidar.
-        images: Its images of each time, newest first; empty: the model sees no images.
+        images: How to read the images, by camera.
     """
 
     stamp_ns: int
     map_from_ego: Float64Array
     sweeps: Sequence[Sweep | None]
-    images: Sequence[ImageSet | None]
+    images: Mapping[str, ReadImage]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +71,10 @@ class Answering:
         """Answer a frame.
 
         Raises:
-            ValueError: One of the newest images is damaged.
+            ValueError: An image is damaged.
         """
         points = _points(frame.sweeps) if frame.sweeps else None
-        images, pixel_from_level = self._camera_inputs(frame) if frame.images else (None, None)
+        images, pixel_from_level = self._camera_inputs(frame) if self._inputs.cameras else (None, None)
         answer = self._baseline.answer(points, images, pixel_from_level)
         boxes = boxes_in_map(answer.boxes, frame.map_from_ego)
         published = np.zeros(len(boxes), BOX_DTYPE)
@@ -83,25 +87,16 @@ class Answering:
         return FrameAnswer(published, scores_on_grid(answer.cells, self._inputs.grid))
 
     def _camera_inputs(self, frame: Frame) -> tuple[UInt8Array, Float32Array]:
-        """Images and projections of all times for all cameras of the model; missing ones are black and see nothing."""
-        cameras, slots = self._inputs.cameras, self._baseline.cameras
+        """Images and projections for all cameras of the model; those that the rig lacks are black and see nothing."""
+        cameras = self._inputs.cameras
         width_px, height_px = self._baseline.camera_size_px or (0, 0)
-        images = np.zeros((len(frame.images), slots, height_px, width_px, 3), np.uint8)
-        pixel_from_level = np.zeros((len(frame.images), slots, 3, 4), np.float32)
+        images = np.zeros((self._baseline.cameras, height_px, width_px, 3), np.uint8)
+        for image, (name, camera) in zip(images, cameras.items(), strict=False):
+            image[:] = frame.images[name](camera.fit)
+        pixel_from_level = np.zeros((len(images), 3, 4), np.float32)
         pixel_from_ego = stacked_projections(list(cameras.values()))
-        for time, taken in enumerate(frame.images):
-            if taken is None:
-                continue
-            projection = projections(pixel_from_ego, taken.map_from_ego, frame.map_from_ego)
-            for slot, (name, camera) in enumerate(cameras.items()):
-                try:
-                    images[time, slot] = taken.images[name](camera.fit)
-                except ValueError:
-                    if time == 0:
-                        raise
-                    continue  # a damaged image costs the frame of its own time, and is missing in later ones
-                pixel_from_level[time, slot] = projection[slot]
-        return images.reshape(-1, height_px, width_px, 3), pixel_from_level.reshape(-1, 3, 4)
+        pixel_from_level[: len(cameras)] = projections(pixel_from_ego, frame.map_from_ego)
+        return images, pixel_from_level
 
 
 def scores_on_grid(cells: UInt8Array, grid: BevGrid | None) -> UInt8Array:

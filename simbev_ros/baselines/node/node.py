@@ -1,5 +1,6 @@
 """The stack as a ROS node: clouds, images and odometry in, boxes, scores and a report of each finished tick out."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,11 +16,11 @@ from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.baselines.inference import Baseline
-from simbev_ros.baselines.node.answering import Answering, Frame
+from simbev_ros.baselines.node.answering import Answering, Frame, ReadImage
 from simbev_ros.baselines.node.image_fit import ImageFit
-from simbev_ros.baselines.node.memory import ImageSet, InputMemory, ReadImage, Sweep, points_in_ego
 from simbev_ros.baselines.node.newest import NewestOnly
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene
+from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
 from simbev_ros.config.included_stacks import baseline_stack
 from simbev_ros.foundation.errors import FOREIGN_ERRORS
 from simbev_ros.foundation.tick_join import TickJoin, all_of
@@ -82,7 +83,7 @@ class BaselineNode(Node):
         self._is_live = self._live_parameter
         self._inputs: SceneInputs | None = None
         self._answering: Answering | None = None
-        self._sweeps, self._images = _memories(baseline)
+        self._sweeps = SweepMemory(baseline.sweep_ages_ns)
         self._join: TickJoin[Odometry, Any] | None = None
         self._newest: NewestOnly[_Task] | None = None
         self._offers: dict[str, tuple[_Offer, ...]] = {}
@@ -110,7 +111,7 @@ class BaselineNode(Node):
         except FOREIGN_ERRORS as error:
             self.get_logger().warning(f"ignored a malformed message on world/scene: {error!r:.200}")
             return
-        self._sweeps, self._images = _memories(baseline)
+        self._sweeps = SweepMemory(baseline.sweep_ages_ns)
         for each in self._connected.values():  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(each)
         self._connected, self._polls, self._polls_connected = {}, 0, 0
@@ -185,7 +186,7 @@ class BaselineNode(Node):
                 self._newest.put(task)
 
     def _frame(self, inputs: SceneInputs, stamp_ns: int, odometry: Odometry, messages: dict[str, Any]) -> Frame | None:
-        """Remember the cloud and images of a tick; return its frame, or None if it has none or lacks an input."""
+        """Remember the cloud of a tick; return its frame, or None if it has none or lacks an input."""
         map_from_ego = map_from_base_link(odometry) @ inputs.base_link_from_ego
         lidar = inputs.lidar
         if lidar is not None and lidar.topic in messages:
@@ -194,15 +195,8 @@ class BaselineNode(Node):
         if not inputs.is_frame(stamp_ns) or any(name not in messages for name in inputs.due(stamp_ns)):
             return None
         sweeps = [] if lidar is None else self._sweeps.of_frame(stamp_ns)
-        if not inputs.cameras:
-            return Frame(stamp_ns, map_from_ego, sweeps, [])
-        is_kept = len(self._baseline.image_ages_ns) > 1
-        images = {
-            name: _reader(messages[camera.compressed_topic], camera.fit, is_kept=is_kept)
-            for name, camera in inputs.cameras.items()
-        }
-        self._images.add(ImageSet(stamp_ns, images, map_from_ego))
-        return Frame(stamp_ns, map_from_ego, sweeps, self._images.of_frame(stamp_ns))
+        images = {name: _reader(messages[camera.compressed_topic]) for name, camera in inputs.cameras.items()}
+        return Frame(stamp_ns, map_from_ego, sweeps, images)
 
     def _answer_and_report(self, task: _Task) -> None:
         self._answer(task)
@@ -226,19 +220,10 @@ class BaselineNode(Node):
         self._ready.publish(header(stamp_ns, f"{self.get_name()}:{inputs.name}"))
 
 
-def _memories(baseline: Baseline) -> tuple[InputMemory[Sweep], InputMemory[ImageSet]]:
-    """Empty memories for the sweeps and images of the ages that a model takes."""
-    return InputMemory(baseline.sweep_ages_ns), InputMemory(baseline.image_ages_ns)
-
-
-def _reader(message: CompressedImage | Image, fit: ImageFit, *, is_kept: bool) -> ReadImage:
-    """How to read the image of a message in a model's size; raw ones that are kept get that size at once."""
-    if isinstance(message, CompressedImage):
-        return partial(_read_jpeg, message)
-    if is_kept:
-        image = _read_raw(message, fit)
-        return lambda _: image
-    return partial(_read_raw, message)
+def _reader(message: CompressedImage | Image) -> ReadImage:
+    """How to read the image of a message in a model's size."""
+    read: Callable[[Any, ImageFit], UInt8Array] = _read_jpeg if isinstance(message, CompressedImage) else _read_raw
+    return partial(read, message)
 
 
 def _read_jpeg(message: CompressedImage, fit: ImageFit) -> UInt8Array:

@@ -97,22 +97,17 @@ def folder_frames(folder: Path) -> list[RecordedFrame]:
     twice = next((b for a, b in pairwise(clouds) if a.stem == b.stem), None)
     if twice is not None:
         raise InputError(f"{twice}: another cloud has this name with another ending")
+    sweeps = _sweeps(clouds, poses, sensors.lidar)
+    ego_from_lidar = None if sensors.lidar.pose is None else sensors.lidar.pose.ego_from_sensor
 
     def images(stem: str) -> Sequence[RecordedImage]:
         there = {name: each for name, each in sensors.cameras.items() if stem in cameras[name]}
         return [each.image(name, cameras[name][stem]) for name, each in there.items()]
 
-    stems = {stem for images_by_stem in cameras.values() for stem in images_by_stem}
-    sweeps = [
-        sweep._replace(images=partial(images, sweep.path.stem)) if sweep.path.stem in stems else sweep
-        for sweep in _sweeps(clouds, poses, sensors.lidar)
-    ]
-    ego_from_lidar = None if sensors.lidar.pose is None else sensors.lidar.pose.ego_from_sensor
-
     def frame(index: int, cloud: Path) -> RecordedFrame:
         there = (sweeps[index : index + 1], 0) if poses is None else (sweeps, index)
         title = f"{folder.resolve().name} {cloud.stem}"
-        return RecordedFrame(cloud.stem, title, *there, ego_from_lidar=ego_from_lidar)
+        return RecordedFrame(cloud.stem, title, *there, partial(images, cloud.stem), ego_from_lidar=ego_from_lidar)
 
     return [frame(index, cloud) for index, cloud in enumerate(clouds)]
 

@@ -57,8 +57,9 @@ def _frame(folder: Path, cloud: Path) -> RecordedFrame:
     return RecordedFrame(
         name=name,
         title=f"KITTI {folder.name} {name}",
-        sweeps=[RecordedSweep(cloud, _COLUMNS, images=images)],
+        sweeps=[RecordedSweep(cloud, _COLUMNS)],
         index=0,
+        images=images,
         labels=partial(read_labels, labels, calibration) if is_file(labels) else None,
     )
 

@@ -38,14 +38,11 @@ class FrameView(NamedTuple):
         points: (N, 4) as from ``frames.points_of_frame``; the level frame is the ego's.
         photos: Its images by camera.
         ego_from_lidar: (4, 4).
-        earlier_photos: Images of earlier frames by camera, newest first, each with the transform from the frame's own
-            ego; empty: there are none of that age.
     """
 
     points: Float32Array
     photos: Mapping[str, Photo]
     ego_from_lidar: Float64Array
-    earlier_photos: Sequence[Mapping[str, Photo]] = ()
 
 
 def ground_pose(frames: Sequence[RecordedFrame]) -> Float64Array | None:
@@ -61,16 +58,13 @@ def ground_pose(frames: Sequence[RecordedFrame]) -> Float64Array | None:
     return ego_from_lidar_of([read_cloud(unknown[i].sweep.path, unknown[i].sweep.columns) for i in chosen])
 
 
-def view_frame(
-    frame: RecordedFrame, ages_ns: Sequence[int], ground: Float64Array | None, image_ages_ns: Sequence[int] = (0,)
-) -> FrameView:
+def view_frame(frame: RecordedFrame, ages_ns: Sequence[int], ground: Float64Array | None) -> FrameView:
     """Read a frame.
 
     Args:
         frame: The frame.
         ages_ns: Ages of the sweeps that the model takes.
         ground: From ``ground_pose``.
-        image_ages_ns: Ages of the images that the model takes, ascending from 0.
 
     Raises:
         InputError: A file cannot be read.
@@ -80,13 +74,9 @@ def view_frame(
         raise ValueError("a frame that does not know where the ground is needs ground_pose")
     if frame.ego_from_lidar is None and frame.sweep.map_from_lidar is None:  # of another time than the others
         ego_from_lidar = ego_from_lidar_in_frame(ego_from_lidar, read_cloud(frame.sweep.path, frame.sweep.columns))
-    points = _points(_chosen(frame, frame.sweeps, ages_ns), ego_from_lidar)
-    earlier = [sweep for sweep in frame.sweeps[: frame.index] if sweep.images] if len(image_ages_ns) > 1 else []
-    photos = [
-        {} if sweep is None else _photos(sweep, frame.sweep, ego_from_lidar)
-        for sweep in _chosen(frame, [*earlier, frame.sweep], image_ages_ns)
-    ]
-    return FrameView(points, photos[0], ego_from_lidar, photos[1:])
+    points = _points(_sweeps(frame, ages_ns), ego_from_lidar)
+    photos = {image.camera: _photo(image, ego_from_lidar) for image in frame.images()}
+    return FrameView(points, photos, ego_from_lidar)
 
 
 def answer_view(baseline: Baseline, view: FrameView) -> Answer:
@@ -98,24 +88,20 @@ def answer_view(baseline: Baseline, view: FrameView) -> Answer:
     if not baseline.modality.has_cameras:
         return baseline.answer(view.points)
     width_px, height_px = baseline.camera_size_px or (0, 0)
-    times = len(baseline.image_ages_ns)
-    images = np.zeros((times * baseline.cameras, height_px, width_px, 3), np.uint8)
-    pixel_from_level = np.zeros((times * baseline.cameras, 3, 4), np.float32)
-    for time, photos in enumerate([view.photos, *view.earlier_photos]):
-        for index, photo in enumerate([*photos.values()][: baseline.cameras], time * baseline.cameras):
-            fit = ImageFit.of_camera(photo.camera, (width_px, height_px))
-            images[index] = fit.fit(photo.rgb)
-            pixel_from_level[index] = fit.fitted_from_source @ photo.camera.matrix @ photo.optical_from_ego[:3]
+    images = np.zeros((baseline.cameras, height_px, width_px, 3), np.uint8)
+    pixel_from_level = np.zeros((baseline.cameras, 3, 4), np.float32)
+    for index, photo in enumerate([*view.photos.values()][: baseline.cameras]):
+        fit = ImageFit.of_camera(photo.camera, (width_px, height_px))
+        images[index] = fit.fit(photo.rgb)
+        pixel_from_level[index] = fit.fitted_from_source @ photo.camera.matrix @ photo.optical_from_ego[:3]
     return baseline.answer(view.points, images, pixel_from_level)
 
 
-def _chosen(
-    frame: RecordedFrame, sweeps: Sequence[RecordedSweep], ages_ns: Sequence[int]
-) -> list[RecordedSweep | None]:
-    """The sweeps of some ages, newest first, of a frame and of those among which it is; only its own without poses."""
-    stamps_ns = np.array([sweep.stamp_ns for sweep in sweeps], np.int64)
+def _sweeps(frame: RecordedFrame, ages_ns: Sequence[int]) -> list[RecordedSweep | None]:
+    """The sweeps of some ages, newest first; only its own where poses are unknown."""
+    stamps_ns = np.array([sweep.stamp_ns for sweep in frame.sweeps], np.int64)
     indices = [] if frame.sweep.map_from_lidar is None else sweeps_of_frame(frame.sweep.stamp_ns, stamps_ns, ages_ns)
-    return [frame.sweep, *(sweeps[index] if index >= 0 else None for index in indices[1:])]
+    return [frame.sweep, *(frame.sweeps[index] if index >= 0 else None for index in indices[1:])]
 
 
 def _points(sweeps: Sequence[RecordedSweep | None], ego_from_lidar: Float64Array) -> Float32Array:
@@ -132,15 +118,6 @@ def _points(sweeps: Sequence[RecordedSweep | None], ego_from_lidar: Float64Array
             clouds[index] = apply(ego_from_lidar, cloud).astype(np.float32)
             poses[index] = ego_from_lidar @ lidar_from_map @ pose @ inverse(ego_from_lidar)
     return points_of_frame(clouds, poses)
-
-
-def _photos(sweep: RecordedSweep, newest: RecordedSweep, ego_from_lidar: Float64Array) -> dict[str, Photo]:
-    """Images of a sweep by camera, with transforms from the ego of the newest sweep."""
-    images = sweep.images() if sweep.images is not None else []
-    if sweep is not newest and sweep.map_from_lidar is not None and newest.map_from_lidar is not None:
-        lidar_from_newest = inverse(sweep.map_from_lidar) @ newest.map_from_lidar
-        images = [each._replace(optical_from_lidar=each.optical_from_lidar @ lidar_from_newest) for each in images]
-    return {image.camera: _photo(image, ego_from_lidar) for image in images}
 
 
 def _photo(image: RecordedImage, ego_from_lidar: Float64Array) -> Photo:

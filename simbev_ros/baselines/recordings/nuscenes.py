@@ -98,7 +98,10 @@ class _Tables:
             yield from self._frames_of_scene(name, sorted(there, key=_stamp_ns))
 
     def _frames_of_scene(self, name: str, turns: Sequence[_Row]) -> Iterator[RecordedFrame]:
-        sweeps = [self._sweep(row) for row in turns]
+        sweeps = [
+            RecordedSweep(self._folder / row["filename"], _COLUMNS, _stamp_ns(row), self._map_from_sensor(row))
+            for row in turns
+        ]
         keys = [index for index, row in enumerate(turns) if row["is_key_frame"]]
         for number, index in enumerate(keys):
             sample, map_from_lidar = turns[index]["sample_token"], self._map_from_sensor(turns[index])
@@ -107,15 +110,10 @@ class _Tables:
                 title=f"nuScenes {name}, key frame {number}",
                 sweeps=sweeps,
                 index=index,
+                images=partial(self._images, sample, map_from_lidar),
                 labels=partial(self._labels, sample, inverse(map_from_lidar)) if self.has_labels else None,
                 ego_from_lidar=_matrix(self._of("calibrated_sensor", turns[index])),
             )
-
-    def _sweep(self, row: _Row) -> RecordedSweep:
-        """A turn of the lidar, with images if it is that of a key frame."""
-        map_from_lidar = self._map_from_sensor(row)
-        images = partial(self._images, row["sample_token"], map_from_lidar) if row["is_key_frame"] else None
-        return RecordedSweep(self._folder / row["filename"], _COLUMNS, _stamp_ns(row), map_from_lidar, images)
 
     def _of(self, table: str, row: _Row) -> _Row:
         """The row of a table that another row refers to."""

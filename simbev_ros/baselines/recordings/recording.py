@@ -21,6 +21,22 @@ OTHER_CLASS = 255
 _ALMOST_RIGID, _MAX_POSITION_M, _MAX_FOCAL_PX = 1e-3, 1e7, 1e6
 
 
+class RecordedSweep(NamedTuple):
+    """A turn of the lidar.
+
+    Attributes:
+        path: Its file.
+        columns: Number of float32 of each point in it, if it ends in ``.bin``.
+        stamp_ns: Its stamp; 0 if unknown.
+        map_from_lidar: (4, 4) pose of the lidar; None: unknown.
+    """
+
+    path: Path
+    columns: int
+    stamp_ns: int = 0
+    map_from_lidar: Float64Array | None = None
+
+
 class RecordedImage(NamedTuple):
     """An undistorted image.
 
@@ -37,24 +53,6 @@ class RecordedImage(NamedTuple):
     matrix: Float64Array
     optical_from_lidar: Float64Array
     reference_m: Float64Array = np.zeros(3)
-
-
-class RecordedSweep(NamedTuple):
-    """A turn of the lidar.
-
-    Attributes:
-        path: Its file.
-        columns: Number of float32 of each point in it, if it ends in ``.bin``.
-        stamp_ns: Its stamp; 0 if unknown.
-        map_from_lidar: (4, 4) pose of the lidar; None: unknown.
-        images: Reads the images that belong to it; None: it has none.
-    """
-
-    path: Path
-    columns: int
-    stamp_ns: int = 0
-    map_from_lidar: Float64Array | None = None
-    images: Callable[[], Sequence[RecordedImage]] | None = None
 
 
 class Labels(NamedTuple):
@@ -80,6 +78,7 @@ class RecordedFrame:
         title: What pictures say it is.
         sweeps: All sweeps with known poses in the same map frame, by ascending stamp, its own among them.
         index: Index of its own sweep.
+        images: Reads which images it has.
         labels: Reads its labels; None: it has none.
         ego_from_lidar: (4, 4); None: unknown, so the ground has to be found.
     """
@@ -88,6 +87,7 @@ class RecordedFrame:
     title: str
     sweeps: Sequence[RecordedSweep]
     index: int
+    images: Callable[[], Sequence[RecordedImage]]
     labels: Callable[[], Labels] | None = None
     ego_from_lidar: Float64Array | None = None
 
@@ -95,10 +95,6 @@ class RecordedFrame:
     def sweep(self) -> RecordedSweep:
         """Its own sweep."""
         return self.sweeps[self.index]
-
-    def images(self) -> Sequence[RecordedImage]:
-        """Read which images it has."""
-        return self.sweep.images() if self.sweep.images is not None else []
 
 
 def boxes_in_frame(boxes: Table, target_from_source: Float64Array) -> Table:

@@ -98,6 +98,7 @@ def _evaluate_predictions(
     from simbev_ros.evaluation.options import options_of
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
 
+    pool = processes(workers)
     with _noticing_swapped(predictions, dataset):
         opened = open_dataset(dataset, threads=1)
         chosen = option.chosen_scenes(opened, split, scenes, agent)
@@ -106,7 +107,7 @@ def _evaluate_predictions(
     predicted = predicted.for_dataset([each.name for each in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", make_console(stderr=True), frames) as bar:
-        result = evaluate_dataset(chosen, predicted, options, processes(workers), bar.show)
+        result = evaluate_dataset(chosen, predicted, options, pool, bar.show)
     seen_by = {"agent": agent, "truth": section.truth} if agent is not None or section.truth != "own" else {}
     figures = {"dataset": str(dataset), "predictions": str(predictions), **seen_by, **figures_of(result)}
     drives, tables = drives_beside(chosen, make_console(stderr=True))

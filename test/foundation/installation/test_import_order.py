@@ -45,7 +45,7 @@ def test_our_packages_stay_first_where_pythonpath_names_their_folder_too(workspa
 
 def test_a_verb_works_with_another_numpy_on_pythonpath(workspace: Path) -> None:
     drawn = output(sys.executable, "-m", "simbev_ros.cli.main", "scene", "demo", "--count", "1", path=str(workspace))
-    assert drawn.startswith("1 scenes")
+    assert drawn.startswith("1 scene: ")
 
 
 @pytest.fixture

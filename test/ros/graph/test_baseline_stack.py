@@ -28,8 +28,7 @@ def test_every_due_frame_is_answered_and_evaluated(
     old, new, without = RATES[modality]
     config, file = small_config(0.5, without=without), tmp_path / "figures.json"
     config.write_text(config.read_text().replace(old, new, 1))
-    ages = {"sweep_ages_s": [0.0, 0.25, 0.5], "image_ages_s": [0.0, 0.25] if modality.has_cameras else [0.0]}
-    model = export_untrained(tmp_path / "untrained.onnx", modality, {"modality": modality.value, **ages})
+    model = export_untrained(tmp_path / "untrained.onnx", modality)
     code, output = simbev("run", config, "--stack", f"baseline-{modality} {model}", "--evaluate", file).finish(300)
     assert code == 0, output
     assert f"{frames} frames of 1 scene; answered: {frames} with boxes, {frames} with" in " ".join(output.split())

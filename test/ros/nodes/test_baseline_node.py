@@ -41,18 +41,12 @@ class FakeBaseline:
     """Answers with one box whose length is the number of points, and whose width is the brightness of the image."""
 
     modality, cameras, camera_size_px = Modality.FUSED, 1, (64, 32)
-    sweep_ages_ns, image_ages_ns = (0, 250_000_000, 500_000_000), (0,)
+    sweep_ages_ns = (0, 250_000_000, 500_000_000)
 
     def answer(self, points: Any, images: Any, pixel_from_level: Any) -> Answer:
         boxes = np.zeros(1, MODEL_BOX_DTYPE)
         boxes["length"], boxes["width"], boxes["score"] = len(points), images.mean(), 0.5
         return Answer(np.full((CELLS, CELLS, 14), 7, np.uint8), boxes)
-
-
-class TwoTimes(FakeBaseline):
-    """The same with images of two times, black where there are none."""
-
-    image_ages_ns = (0, 100_000_000)
 
 
 class Graph:
@@ -62,15 +56,12 @@ class Graph:
         arguments: Arguments for ROS.
         sensor_qos: QoS of the sensors.
         image_topics: Which of the camera's topics are published.
-        baseline: The model.
     """
 
-    def __init__(
-        self, arguments: list[str], sensor_qos: QoSProfile, image_topics: tuple[str, ...], baseline: FakeBaseline
-    ) -> None:
+    def __init__(self, arguments: list[str], sensor_qos: QoSProfile, image_topics: tuple[str, ...]) -> None:
         rclpy.init(args=["--ros-args", *arguments], domain_id=DOMAIN)
         self.spec = made_up_spec(SENSORS, number=3, ticks=10)
-        self.node, self.stack = Node("graph"), BaselineNode(baseline)  # type: ignore[arg-type]
+        self.node, self.stack = Node("graph"), BaselineNode(FakeBaseline())  # type: ignore[arg-type]
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.executor.add_node(self.stack)
@@ -129,12 +120,9 @@ def graph() -> Iterator[Callable[..., Graph]]:
     graphs: list[Graph] = []
 
     def start(
-        *arguments: str,
-        sensor_qos: QoSProfile = RELIABLE,
-        image_topics: tuple[str, ...] = (RAW, COMPRESSED),
-        baseline: FakeBaseline | None = None,
+        *arguments: str, sensor_qos: QoSProfile = RELIABLE, image_topics: tuple[str, ...] = (RAW, COMPRESSED)
     ) -> Graph:
-        graphs.append(Graph(list(arguments), sensor_qos, image_topics, baseline or FakeBaseline()))
+        graphs.append(Graph(list(arguments), sensor_qos, image_topics))
         return graphs[-1]
 
     yield start
@@ -204,20 +192,6 @@ def test_raw_images_are_read_if_there_are_no_compressed_ones(graph: Callable[...
     running.send(0, points=3, brightness=90)
     running.spin_until(lambda: bool(running.boxes))
     assert float(table_from_message(running.boxes[0])["width"][0]) == pytest.approx(90.0)
-
-
-@pytest.mark.parametrize("topic", [RAW, COMPRESSED])
-def test_earlier_images_are_kept_until_the_scene_starts_again(graph: Callable[..., Graph], topic: str) -> None:
-    running = graph(image_topics=(topic,), baseline=TwoTimes())
-    for count in (2, 4):
-        running.start_scene()
-        running.send(0, points=3, brightness=200)
-        running.send(1, points=3)
-        running.send(2, points=3, brightness=100)
-        running.spin_until(lambda: running.reported_ticks() == [-1, 0, 1, 2])
-        running.spin_until(lambda count=count: len(running.boxes) == count)  # type: ignore[misc]
-    widths = [float(table_from_message(message)["width"][0]) for message in running.boxes]
-    assert widths == pytest.approx([100.0, 150.0] * 2, abs=2.0)
 
 
 def test_a_graph_with_best_effort_sensors_is_live(graph: Callable[..., Graph]) -> None:

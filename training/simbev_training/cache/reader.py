@@ -24,9 +24,9 @@ class Sample:
     Attributes:
         sweeps_cm: (N, 3) int16 points of each of the frame's sweeps, cm, ego frame of its stamp; None: no such sweep.
         sweep_poses: (4, 4) pose of the ego at the stamp of each sweep.
-        jpegs: Images of the K cameras of each of T times, newest first, as JPEG; None: no such image.
-        pixel_from_level: (T * K, 3, 4) float32 projections from the level frame of the newest time; 0: no such image.
-        depth_m: (T * K, H / 8, W / 8) float32 depth; 0: none.
+        jpegs: Images of the cameras, as JPEG.
+        pixel_from_level: (K, 3, 4) float32 projections.
+        depth_m: (K, H / 8, W / 8) float32 depth; 0: none.
         cells: (CELLS, CELLS) uint16 grid.
         boxes: (B,) ``BOX_DTYPE``.
         lidar_m: (3,) position of the lidar in the ego frame.
@@ -35,7 +35,7 @@ class Sample:
 
     sweeps_cm: tuple[AnyArray | None, ...]
     sweep_poses: tuple[Float64Array | None, ...]
-    jpegs: tuple[AnyArray | None, ...]
+    jpegs: tuple[AnyArray, ...]
     pixel_from_level: Float32Array
     depth_m: Float32Array
     cells: AnyArray
@@ -50,12 +50,9 @@ class Sample:
         return points_of_frame(sweeps, self.sweep_poses)
 
     def images(self) -> UInt8Array:
-        """(T * K, H, W, 3) decoded images, RGB; black: no such image. Raises InputError if one is damaged."""
+        """(K, H, W, 3) decoded images, RGB. Raises InputError if one is damaged."""
         with foreign_content("an image of the cache"):
-            decoded = [
-                None if each is None else simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs
-            ]
-            return np.stack([np.zeros_like(decoded[0]) if each is None else each for each in decoded])
+            return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs])
 
 
 class CachedScene:
@@ -103,49 +100,26 @@ class CachedScene:
     def __getstate__(self) -> dict[str, Any]:
         return {"folder": self.folder}
 
-    def sample(self, index: int, sweep_ages_ns: Sequence[int], image_ages_ns: Sequence[int] = (0,)) -> Sample:
-        """A key frame with the sweeps and the images of some ages, newest first.
-
-        Args:
-            index: Index of the key frame.
-            sweep_ages_ns: Ages of the sweeps, ascending.
-            image_ages_ns: Ages of the images, ascending from 0; earlier ones are those of earlier key frames.
-
-        Raises:
-            InputError: The scene is damaged.
-        """
+    def sample(self, index: int, sweep_ages_ns: Sequence[int]) -> Sample:
+        """A key frame with the sweeps of some ages, newest first. Raises InputError if the scene is damaged."""
         frame, arrays = self.frames[index], self._arrays
         with foreign_content(self.folder):
-            stamp_ns = int(frame["stamp_ns"])
-            sweeps = sweeps_of_frame(stamp_ns, arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
-            taken = sweeps_of_frame(stamp_ns, self.frames["stamp_ns"][: index + 1], image_ages_ns)
-        images = [self._images(each, index) for each in (index, *taken[1:])]
+            sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
+        ends = arrays["image_ends"].ravel()
+        cameras = arrays["image_ends"].shape[1]
+        first = index * cameras
+        starts = [0 if k == 0 else int(ends[k - 1]) for k in range(first, first + cameras)]
         boxes = slice(int(self.frames["boxes_end"][index - 1]) if index else 0, int(frame["boxes_end"]))
         return Sample(
             sweeps_cm=tuple(self._points_cm(each) if each >= 0 else None for each in sweeps),
             sweep_poses=tuple(arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps),
-            jpegs=tuple(each for jpegs, _, _ in images for each in jpegs),
-            pixel_from_level=np.concatenate([each for _, each, _ in images]),
-            depth_m=np.concatenate([each for _, _, each in images]),
+            jpegs=tuple(arrays["images"][s : int(ends[first + k])] for k, s in enumerate(starts)),
+            pixel_from_level=projections(arrays["pixels"], frame["map_from_ego"]),
+            depth_m=arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
             cells=arrays["cells"][index],
             boxes=np.asarray(arrays["boxes"][boxes]),
             lidar_m=np.array(self.about["lidar_m"], np.float64),
             ring_deg=float(self.about["ring_deg"]),
-        )
-
-    def _images(self, index: int, newest: int) -> tuple[list[AnyArray | None], Float32Array, Float32Array]:
-        """JPEG images of a key frame, projections from the level frame of the newest one, and depth; -1: no frame."""
-        arrays, cameras = self._arrays, self._arrays["image_ends"].shape[1]
-        if index < 0:
-            depth_m = np.zeros(arrays["depth"].shape[1:], np.float32)
-            return [None] * cameras, np.zeros((cameras, 3, 4), np.float32), depth_m
-        ends, first = arrays["image_ends"].ravel(), index * cameras
-        starts = [0 if k == 0 else int(ends[k - 1]) for k in range(first, first + cameras)]
-        poses = self.frames["map_from_ego"]
-        return (
-            [arrays["images"][start : int(ends[first + k])] for k, start in enumerate(starts)],
-            projections(arrays["pixels"], poses[index], poses[newest]),
-            arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
         )
 
     def _points_cm(self, sweep: int) -> AnyArray:

@@ -81,8 +81,7 @@ def _facts(baseline: "Baseline", frames: "Sequence[RecordedFrame]", ground: Floa
         )
     yield f"{where}; points within {BODY_M:g} m of it are left out"
     if all(frame.sweep.map_from_lidar is None for frame in frames):
-        images = " and no earlier images" if len(baseline.image_ages_ns) > 1 else ""
-        yield f"poses are unknown, so the model sees one sweep{images}, and velocities are arbitrary"
+        yield "poses are unknown, so the model sees one sweep, and velocities are arbitrary"
     if baseline.modality.has_cameras:
         seen = [image.camera for image in frames[0].images()]
         missing = f", and {baseline.cameras - len(seen)} black images" if len(seen) < baseline.cameras else ""

@@ -22,8 +22,8 @@ class Inputs(NamedTuple):
     Attributes:
         points: (N, 4) float32 x, y, z (m, level frame), index of the sweep, of all samples.
         sample: (N,) int64 index of each point's sample.
-        images: (B, T * K, 3, H, W) RGB of K cameras at each of T times, newest first, 0 … 255.
-        pixel_from_level: (B, T * K, 3, 4) float32 projections from the level frame of the newest time.
+        images: (B, K, 3, H, W) RGB, 0 … 255.
+        pixel_from_level: (B, K, 3, 4) float32 projections.
         samples: B.
     """
 
@@ -39,24 +39,17 @@ class BevModel(nn.Module):
 
     Args:
         modality: What the model sees.
-        times: Number of times of which it takes images.
     """
 
-    def __init__(self, modality: Modality, times: int = 1) -> None:
+    def __init__(self, modality: Modality) -> None:
         super().__init__()
-        self.modality, self.times = modality, times
+        self.modality = modality
         self.lidar = PillarEncoder(_CHANNELS, _FINE_CHANNELS) if modality.has_lidar else None
-        self.cameras = None
-        if modality.has_cameras:
-            self.cameras = CameraEncoder(_CHANNELS, beside_lidar=modality.has_lidar, times=times)
+        self.cameras = CameraEncoder(_CHANNELS, beside_lidar=modality.has_lidar) if modality.has_cameras else None
         both = self.lidar is not None and self.cameras is not None
         self.fuse = conv_norm_relu(2 * _CHANNELS, _CHANNELS, 1) if both else nn.Identity()
         self.trunk = BevTrunk(_CHANNELS, _CHANNELS)
         self.heads = Heads(_CHANNELS, _FINE_CHANNELS if self.lidar is not None else 0)
-
-    def min_inputs(self) -> dict[str, int]:
-        """Number of inputs, the first ones, that a convolution also has in models that see less, by its weight."""
-        return {} if self.cameras is None else {"cameras.mix.0.0.weight": self.cameras.inputs_of_one_time}
 
     def compile_parts(self) -> None:
         """Compile those parts in place that get tensors of one shape; names and values of weights stay."""

@@ -64,42 +64,32 @@ class CameraEncoder(nn.Module):
     Args:
         channels: Number of features of a cell of the bird's-eye view.
         beside_lidar: Whether features go in without the weight of depth as well.
-        times: Number of times of which there are images; the features of each are looked up by themselves.
-
-    Attributes:
-        inputs_of_one_time: Number of features of all heights of a cell from the images of one time.
     """
 
     ahead_m: Tensor
     height_m: Tensor
 
-    def __init__(self, channels: int, *, beside_lidar: bool, times: int = 1) -> None:
+    def __init__(self, channels: int, *, beside_lidar: bool) -> None:
         super().__init__()
         self.images = ImageEncoder()
-        self.beside_lidar, self.times = beside_lidar, times
-        self.inputs_of_one_time = _LIFTED * (len(HEIGHTS_M) + (len(_UNWEIGHTED) if beside_lidar else 0))
-        self.mix = nn.Sequential(
-            conv_norm_relu(times * self.inputs_of_one_time, channels, 1), conv_norm_relu(channels, channels)
-        )
+        self.beside_lidar = beside_lidar
+        heights = len(HEIGHTS_M) + (len(_UNWEIGHTED) if beside_lidar else 0)
+        self.mix = nn.Sequential(conv_norm_relu(_LIFTED * heights, channels, 1), conv_norm_relu(channels, channels))
         ahead_m = HALF_M - (torch.arange(FEATURE_CELLS) + 0.5) * FEATURE_CELL_M
         self.register_buffer("ahead_m", ahead_m, persistent=False)
         self.register_buffer("height_m", torch.tensor(HEIGHTS_M), persistent=False)
 
     def forward(self, images: Tensor, pixel_from_level: Tensor) -> tuple[Tensor, Tensor]:
-        """Features (B, C, FEATURE_CELLS, FEATURE_CELLS) and logits of depth (B, T * K, DEPTHS, H / 8, W / 8).
+        """Features (B, C, FEATURE_CELLS, FEATURE_CELLS) and logits of depth (B, K, DEPTHS, H / 8, W / 8).
 
         Args:
-            images: (B, T * K, 3, H, W) RGB of K cameras at each of T times, newest first, 0 … 255.
-            pixel_from_level: (B, T * K, 3, 4) projections from the level frame of the newest time to u * depth,
-                v * depth, depth; pixel centers are at integers.
+            images: (B, K, 3, H, W) RGB of K cameras, 0 … 255.
+            pixel_from_level: (B, K, 3, 4) projections from the level frame to u * depth, v * depth, depth; pixel
+                centers are at integers.
         """
-        samples, pictures, _, height, width = images.shape
+        batch, cameras, _, height, width = images.shape
         features, depth = self.images(images.flatten(0, 1))
         rows, columns = height // IMAGE_STRIDE, width // IMAGE_STRIDE
-        batch, cameras = samples, pictures
-        if self.times > 1:  # each time by itself, as if it were a sample
-            batch, cameras = samples * self.times, pictures // self.times
-            pixel_from_level = pixel_from_level.reshape(batch, cameras, 3, 4)
         index, bins, seen = self._look_up(pixel_from_level, rows, columns)
         values = features.reshape(batch, cameras, _LIFTED, -1).permute(0, 1, 3, 2).reshape(batch, -1, _LIFTED)
         likely = depth.reshape(batch, cameras, DEPTHS, -1).permute(0, 1, 3, 2).softmax(-1).reshape(batch, -1)
@@ -110,10 +100,7 @@ class CameraEncoder(nn.Module):
             heights = slice(_UNWEIGHTED.start, _UNWEIGHTED.stop)
             unweighted = looked_up[:, :, :, heights] * _by_height(seen[..., None])[:, :, :, heights]
             lifted = torch.cat([lifted, unweighted], 3)
-        lifted = lifted.flatten(3)
-        if self.times > 1:
-            lifted = torch.cat(lifted.unflatten(0, (samples, self.times)).unbind(1), 3)
-        return self.mix(lifted.permute(0, 3, 1, 2)), depth.reshape(samples, pictures, DEPTHS, rows, columns)
+        return self.mix(lifted.flatten(3).permute(0, 3, 1, 2)), depth.reshape(batch, cameras, DEPTHS, rows, columns)
 
     def _look_up(self, pixel_from_level: Tensor, rows: int, columns: int) -> tuple[Tensor, Tensor, Tensor]:
         """(B, V) cell of the image features of each voxel, its interval of depth, and 1 if any camera sees it, else 0.

@@ -72,7 +72,7 @@ class Outputs(NamedTuple):
         boxes: (B, len(BOX_VALUES), FEATURE_CELLS, FEATURE_CELLS) values of their boxes.
         small_heat: (B, other classes, CELLS, CELLS) the same for the other classes.
         small_boxes: (B, len(BOX_VALUES), CELLS, CELLS)
-        depth: (B, images, DEPTHS, H, W) logits of the depth of each cell of the image features; None without cameras.
+        depth: (B, cameras, DEPTHS, H, W) logits of the depth of each cell of the image features; None without cameras.
     """
 
     cells: Tensor

@@ -93,7 +93,7 @@ def predict_recording(
     def table() -> Iterator[bytes]:
         yield TABLE_HEAD.encode()
         for index, frame in enumerate(frames):
-            view = view_frame(frame, baseline.sweep_ages_ns, ground, baseline.image_ages_ns)
+            view = view_frame(frame, baseline.sweep_ages_ns, ground)
             answer, labels = answer_view(baseline, view), frame.labels() if frame.labels else None
             if layout == "kitti" and CAMERA in view.photos:
                 lines = kitti_lines(answer.boxes, view.photos[CAMERA])

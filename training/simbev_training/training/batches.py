@@ -14,7 +14,7 @@ from simbev_ros.foundation.types import Float32Array, Float64Array
 from simbev_training.cache.layout import CM_PER_M
 from simbev_training.cache.reader import CachedScene, Sample
 from simbev_training.training.augmentation import Thinning, Warp
-from simbev_training.training.config import Augmentation, Training
+from simbev_training.training.config import Training
 from simbev_training.training.image_pasting import Images, paste_images
 from simbev_training.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
 from simbev_training.training.pasting import frames_with_rare_objects, paste
@@ -30,7 +30,7 @@ class Batch(NamedTuple):
         points_cm: (N, 3) int16 points of all sweeps, cm, in the ego frame of their stamp.
         points_of_sweep: (B, sweeps) int64 number of points of each sweep; points come in this order.
         warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
-        images: (B, K, H, W, 3) uint8 RGB of the cameras of all times, newest first: K is the number of all.
+        images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
         recorded_from_warped: (B, K, 3, 3) float32 maps from warped to recorded images, as for ``warped_images``.
         pixel_from_level: (B, K, 3, 4) float32 projections to the warped images.
@@ -107,7 +107,6 @@ class CachedBatches(Dataset[Batch]):
         self._sweep_ages_s = training.sweep_ages_s if training.modality.has_lidar else training.sweep_ages_s[:1]
         self._min_points = training.min_points
         self._sweep_ages_ns = sweep_ages_ns(self._sweep_ages_s)
-        self._image_ages_ns = sweep_ages_ns(training.image_ages_s if training.modality.has_cameras else (0.0,))
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
         self._donors = frames_with_rare_objects(scenes) if augmented and training.augmentation.pasting > 0 else []
         self.steps_per_epoch = len(self._samples) // training.batch_size
@@ -122,7 +121,7 @@ class CachedBatches(Dataset[Batch]):
 
     def _sample(self, number: int, epoch: int) -> dict[str, Tensor]:
         scene, frame = self._samples[number]
-        sample = self._scenes[scene].sample(frame, self._sweep_ages_ns, self._image_ages_ns)
+        sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
         images = self._images(sample)
         rng = np.random.default_rng([self._seed, epoch, number])
         warp, gain, thinning = Warp(np.eye(2), 1.0), (1.0, 0.0), Thinning(0.0, False, 0.0)
@@ -132,7 +131,8 @@ class CachedBatches(Dataset[Batch]):
             thinning = Thinning.draw(self._augmentation, rng)
             if self._donors and rng.random() < self._augmentation.pasting:
                 sample, images = self._with_pasted(sample, images, rng)
-            images = self._without_some(self._augmentation, images, rng)
+            if self._augmentation.missing_cameras and rng.random() < self._augmentation.missing_cameras:
+                images = images.without(rng.random(len(images.rgb)) < 0.5)
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
@@ -166,16 +166,6 @@ class CachedBatches(Dataset[Batch]):
             return Images(sample.images(), sample.depth_m, sample.pixel_from_level)
         nothing = np.zeros((0, 1, 1), np.float32)
         return Images(np.zeros((0, 1, 1, 3), np.uint8), nothing, np.zeros((0, 3, 4), np.float32))
-
-    def _without_some(self, augmentation: Augmentation, images: Images, rng: np.random.Generator) -> Images:
-        """The images without some cameras, at all times, and in some samples without those of earlier times."""
-        times = len(self._image_ages_ns)
-        cameras = len(images.rgb) // times
-        if augmentation.missing_cameras and rng.random() < augmentation.missing_cameras:
-            images = images.without(np.tile(rng.random(cameras) < 0.5, times))
-        if times > 1 and rng.random() < augmentation.one_image:
-            images = images.without(np.arange(len(images.rgb)) >= cameras)
-        return images
 
     def _with_pasted(self, sample: Sample, images: Images, rng: np.random.Generator) -> tuple[Sample, Images]:
         """A sample and its images with rare objects of another."""

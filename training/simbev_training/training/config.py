@@ -1,9 +1,9 @@
 """Configuration of a training run."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.config.base import Model, first_problem
@@ -57,9 +57,6 @@ class Augmentation(Model):
         le=1,
         description="share of samples that lack cameras, half of them on average, as rigs with fewer do",
     )
-    one_image: float = Field(
-        0.1, ge=0, le=1, description="share of samples that see the newest images alone, if there are earlier ones"
-    )
     zoom: float = Field(0.08, ge=0, lt=0.5, description="maximum zoom of an image: 0.08 is a factor of 0.92 to 1.08")
     image_rotation_deg: float = Field(3.0, ge=0, le=45, description="maximum rotation of an image, in both directions")
     brightness: float = Field(0.3, ge=0, lt=1, description="maximum change of an image's brightness and contrast")
@@ -78,13 +75,6 @@ class Training(Model):
         min_length=1,
         description="ages of the lidar's sweeps that a frame has, ascending from 0: recent ones show motion, old ones "
         "what is hidden by now",
-    )
-    image_ages_s: tuple[Annotated[float, Field(ge=0, le=10)], ...] = Field(
-        (0.0,),
-        min_length=1,
-        max_length=8,
-        description="ages of the images that a frame has, ascending from 0: those of earlier key frames show motion, "
-        "and what is hidden by now",
     )
     min_points: int = Field(
         1,
@@ -126,18 +116,12 @@ class Training(Model):
         fields = [name for name in type(self).model_fields if name not in _OF_EXPORT]
         return [name for name in fields if getattr(self, name) != getattr(other, name)]
 
-    @field_validator("sweep_ages_s", "image_ages_s")
+    @field_validator("sweep_ages_s")
     @classmethod
     def _ascend(cls, ages_s: tuple[float, ...]) -> tuple[float, ...]:
         if ages_s[0] != 0 or sorted(set(ages_s)) != list(ages_s):
             raise ValueError("must begin with 0 and ascend")
         return ages_s
-
-    @model_validator(mode="after")
-    def _paste_into_newest_images(self) -> Self:
-        if self.modality.has_cameras and len(self.image_ages_s) > 1 and self.augmentation.pasting:
-            raise ValueError("image_ages_s: with earlier images, augmentation.pasting must be 0")
-        return self
 
 
 def load_training(path_or_name: str | Path) -> Training:

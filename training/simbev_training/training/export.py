@@ -77,9 +77,8 @@ def export_model(
     Args:
         model: The model, on the CPU.
         path: The file.
-        about: What it is, for the metadata; must hold ``modality`` and ``sweep_ages_s``, and ``image_ages_s`` if the
-            model takes images of several times.
-        cameras: Number of images of each time.
+        about: What it is, for the metadata; must hold ``modality`` and ``sweep_ages_s``.
+        cameras: Number of images.
         size_px: Width and height of an image.
         others: Models whose answers are averaged with its own, on the CPU.
         weights: As for ``shrink_weights``.
@@ -91,8 +90,7 @@ def export_model(
         dynamic["points"] = {0: "points"}
     if model.modality.has_cameras:
         width_px, height_px = size_px
-        images = model.times * cameras
-        given += [torch.zeros(images, height_px, width_px, 3, dtype=torch.uint8), torch.rand(images, 3, 4)]
+        given += [torch.zeros(cameras, height_px, width_px, 3, dtype=torch.uint8), torch.rand(cameras, 3, 4)]
         names += ["images", "pixel_from_level"]
     making = path.with_suffix(".making")
     with warnings.catch_warnings():
@@ -132,8 +130,7 @@ def export_run(training: Training, run: Path, cache: Path) -> Path:
     path = run / MODEL_FILE
     size_px = int(about["width_px"]), int(about["height_px"])
     settings = training.model_dump(mode="json")
-    description = {name: settings[name] for name in ("modality", "sweep_ages_s", "image_ages_s")}
-    description["training"] = settings
+    description = {"modality": settings["modality"], "sweep_ages_s": settings["sweep_ages_s"], "training": settings}
     export_model(
         model, path, description, len(about["cameras"]), size_px, others=others, weights=training.export_weights
     )
@@ -160,11 +157,6 @@ def models_to_average(training: Training) -> list[BevModel]:
             raise InputError(
                 f"average_with: {file}: takes sweeps of {about['sweep_ages_s']} s; sweep_ages_s is "
                 f"{list(training.sweep_ages_s)}"
-            )
-        ages_s = about.get("image_ages_s", [0.0])
-        if seen.has_cameras and ages_s != list(training.image_ages_s):
-            raise InputError(
-                f"average_with: {file}: takes images of {ages_s} s; image_ages_s is {list(training.image_ages_s)}"
             )
         models.append(model)
     return models

@@ -21,7 +21,7 @@ class Images(NamedTuple):
     """Images of a frame.
 
     Attributes:
-        rgb: (K, H, W, 3) uint8; K cameras, or with those of earlier times a multiple of them.
+        rgb: (K, H, W, 3) uint8.
         depth_m: (K, H / 8, W / 8) float32; 0: unknown, or the sky.
         pixel_from_level: (K, 3, 4) float32 projections.
     """
@@ -31,7 +31,7 @@ class Images(NamedTuple):
     pixel_from_level: Float32Array
 
     def without(self, missing: BoolArray) -> "Images":
-        """The same without some of the K images: black images that see nothing, as the models get for missing ones."""
+        """The same without some of the K cameras: black images that see nothing, as the models get for missing ones."""
         kept = ~missing[:, None, None]
         return Images(
             np.where(kept[..., None], self.rgb, np.uint8(0)),

@@ -66,7 +66,7 @@ def train(
     """
     torch.manual_seed(training.seed)
     path = out / CHECKPOINT_FILE
-    model = BevModel(training.modality, len(training.image_ages_s))
+    model = BevModel(training.modality)
     start_from(model, starting_files(training, out))
     model.to(device, memory_format=torch.channels_last)
     average = deepcopy(model).eval().requires_grad_(False)
@@ -134,7 +134,7 @@ def load_model(path: Path) -> tuple[Training, BevModel]:
         InputError: It cannot be read.
     """
     training, state = _load(path)
-    model = BevModel(training.modality, len(training.image_ages_s)).eval()
+    model = BevModel(training.modality).eval()
     with foreign_content(path):
         model.load_state_dict(state["average"])
     return training, model

@@ -8,9 +8,9 @@ import numpy as np
 import onnx
 import torch
 from onnx import TensorProto, external_data_helper, helper, numpy_helper
-from torch import Tensor
+from torch import Tensor, nn
 
-from simbev_ros.baselines.inference import ABOUT_KEY, ages_ns_of_images
+from simbev_ros.baselines.inference import ABOUT_KEY
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.structured_text import parse_json
@@ -53,12 +53,11 @@ def shrink_weights(graph: onnx.GraphProto, weights: Literal["half", "int8"]) -> 
         graph.node.insert(0, node)
 
 
-def start_from(model: BevModel, files: Sequence[Path]) -> None:
+def start_from(model: nn.Module, files: Sequence[Path]) -> None:
     """Give a model the weights of exported ones, by name, where the sizes are the same.
 
     A fused model can so start from a lidar and a camera model, as BEVFusion does (https://arxiv.org/abs/2205.13542),
-    and a model for other data from one that is trained. A model that also takes earlier images starts as one that
-    ignores them: their weights are zeros.
+    and a model for other data from one that is trained.
 
     Args:
         model: The model; weights that no file has stay.
@@ -70,7 +69,7 @@ def start_from(model: BevModel, files: Sequence[Path]) -> None:
     own = model.state_dict()
     for file in files:
         with foreign_content(file):
-            weights = _widened(_weights(load_model_file(file)), model)
+            weights = _weights(load_model_file(file))
         fitting = {name: each for name, each in weights.items() if name in own and own[name].shape == each.shape}
         if not fitting:
             raise InputError(f"{file}: has no weights of this model; start_from takes what `simbev train` wrote")
@@ -89,7 +88,7 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
         about: dict[str, Any] = parse_json(texts[0]) if texts else {}
         if not {"modality", "sweep_ages_s"} <= about.keys():
             raise InputError(f"{file}: is not a baseline of simbev_ros; `simbev train` writes such files")
-        model = BevModel(Modality(about["modality"]), len(ages_ns_of_images(about))).eval()
+        model = BevModel(Modality(about["modality"])).eval()
         weights = _weights(exported)
         own = model.state_dict()
         missing = [name for name, each in own.items() if each.is_floating_point() and name not in weights]
@@ -97,16 +96,6 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
             raise InputError(f"{file}: has no weights {', '.join(missing[:3])}; export it with this version")
         model.load_state_dict({name: each for name, each in weights.items() if name in own}, strict=False)
     return model, about
-
-
-def _widened(weights: dict[str, Tensor], model: BevModel) -> dict[str, Tensor]:
-    """The weights for a model that may take more inputs; those of additional inputs are zeros."""
-    own, result = model.state_dict(), dict(weights)
-    for name, inputs in model.min_inputs().items():
-        if name in weights and weights[name].shape == own[name][:, :inputs].shape:
-            result[name] = torch.zeros_like(own[name])
-            result[name][:, :inputs] = weights[name]
-    return result
 
 
 def load_model_file(file: Path) -> onnx.ModelProto:

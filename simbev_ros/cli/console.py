@@ -25,8 +25,6 @@ from rich.segment import Segment
 from rich.status import Status
 from rich.text import Text
 
-from simbev_ros.foundation.counts import plural as plural
-
 _PIPE_WIDTH = 160
 _REPORT_PERIOD_S = 30.0
 _SPACE = "\n\t\N{NO-BREAK SPACE}"

@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
-from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.scene_numbers import scene_numbers
+from simbev_ros.foundation.counts import plural
 
 
 def drop(

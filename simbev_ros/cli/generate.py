@@ -7,11 +7,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.cli.scene_options import Config, GraphRay, GraphWorkers
 from simbev_ros.config.load import load_scenario
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 

@@ -8,9 +8,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.status import Status
 
-from simbev_ros.cli.console import DESCRIPTION, ReportingProgress, TickRate, counting_progress, format_size, plural
+from simbev_ros.cli.console import DESCRIPTION, ReportingProgress, TickRate, counting_progress, format_size
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.foundation.counts import plural
 from simbev_ros.production.events import (
     DatasetEnded,
     DatasetStarted,

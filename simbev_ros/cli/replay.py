@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.scene_options import Config, GraphRay, GraphWorkers, Live
 from simbev_ros.config.load import load_scenario
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.recording.layout import additional_folder

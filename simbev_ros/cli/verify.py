@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.dataset.parallel import Pool
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import path_exists
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url

@@ -107,3 +107,4 @@ def test_entities_of_a_scenario_are_counted_and_on_the_map(tmp_path: Path) -> No
     page = out.read_text(encoding="utf-8")
     assert "<title>ego</title>" in page and "<title>Van</title>" in page
     assert "<b>1</b><span>scene</span>" in page and "<b>2</b><span>vehicles</span>" in page
+    assert 'class="route"' not in page  # the storyboard moves the ego, not traffic

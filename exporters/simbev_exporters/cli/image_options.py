@@ -8,7 +8,7 @@ from rich.console import Console
 
 from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_exporters.cli.words import different_words
-from simbev_ros.cli.console import plural
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BOX_CLASSES, MOVING_CLASSES
 

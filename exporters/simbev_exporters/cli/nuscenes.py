@@ -11,8 +11,8 @@ from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_exporters.cli.words import different_words
 from simbev_exporters.nuscenes.scene_names import SceneNames
 from simbev_ros.cli.agent_option import ExportedAgentOption
-from simbev_ros.cli.console import plural
 from simbev_ros.cli.pool import Ray, Workers
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from simbev_exporters.cli.words import different_words
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.semantics import MOTOR_CLASSES, MOVING_CLASSES
 

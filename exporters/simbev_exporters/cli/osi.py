@@ -12,8 +12,8 @@ from rich.console import Console
 from simbev_exporters.cli.image_options import DatasetArgument, Out
 from simbev_exporters.cli.pooled_export import export_agents, show_earlier
 from simbev_ros.cli.agent_option import ExportedAgentOption
-from simbev_ros.cli.console import plural
 from simbev_ros.cli.pool import Ray, Workers
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from simbev_ros.cli.agent_option import exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import open_pool, shared_path
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError, SimbevError
 
 if TYPE_CHECKING:

@@ -6,13 +6,14 @@ from typing import Annotated
 
 import typer
 
-from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.drives import show_drives
 from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_options import GraphRay, GraphWorkers
 from simbev_ros.config.included_stacks import INCLUDED_DRIVERS
+from simbev_ros.foundation.counts import plural
 
 
 class Interface(StrEnum):

@@ -74,8 +74,9 @@ def evaluate(
         evaluate_drives(predictions, split, scenes, report, json_file)
         return
     section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
-    asked = section, split, scenes, agent
-    _evaluate_predictions(predictions, dataset, *asked, every, nuscenes, report, json_file, workers)
+    _evaluate_predictions(
+        predictions, dataset, section, split, scenes, agent, every, nuscenes, report, json_file, workers
+    )
 
 
 def _evaluate_predictions(

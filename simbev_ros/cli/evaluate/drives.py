@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.evaluate.tables import print_figure_tables, write_figures
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.layout import PARTIAL_SUFFIX

@@ -9,8 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import plural
 from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, evaluation_tables, text_of
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 
 _MAX_WIDTH = 1000

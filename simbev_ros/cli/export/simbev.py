@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.dataset.parallel import Pool
+from simbev_ros.foundation.counts import plural
 
 if TYPE_CHECKING:
     from simbev_ros.dataset import Dataset

@@ -14,9 +14,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from simbev_ros.cli.console import counting_bar, make_console, plural, table_console
+from simbev_ros.cli.console import counting_bar, make_console, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec

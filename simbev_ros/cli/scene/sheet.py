@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.scene.report import numbered_scenes
 from simbev_ros.config.load import load_scenario
 from simbev_ros.dataset.parallel import Pool
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.show.pages.drawn_scenes import (

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from simbev_ros.cli.agent_option import AgentOption, require_agent
-from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.view.browser import show_address, wait_for_end
 from simbev_ros.cli.view.options import (
@@ -26,6 +26,7 @@ from simbev_ros.cli.view.options import (
     choose_scene,
     detail,
 )
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
 

@@ -117,11 +117,14 @@ def draw_scene(
         drive=drive,
         storyboard=storyboard,
         datum=datum_spec(network.datum),
-        green_time_s=tuple(
-            sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))
-            for program in starts.signal_programs or ("",)
-        ),
+        green_time_s=_green_times_s(scenario, seed, starts),
     )
+
+
+def _green_times_s(scenario: Scenario, seed: int, starts: StartPositions) -> tuple[float, ...]:
+    """The green time of each signal program; one where there are no signals."""
+    programs = starts.signal_programs or ("",)
+    return tuple(sample(scenario.traffic.green_time_s, stream(seed, f"signals.{each}.green")) for each in programs)
 
 
 def _cast(scenario: Scenario, planned: PlannedScene, network: RoadNetwork) -> tuple[Scenario, StoryboardSpec | None]:

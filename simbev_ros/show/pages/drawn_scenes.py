@@ -109,6 +109,8 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
     )
     if any(len(spec.agents) > 1 for spec in specs):
         note += " Other agents have starts and routes like the ego's; squares are roadside units."
+    if any(spec.storyboard is not None for spec in specs):
+        note += " Entities of scenarios have starts like the ego's; where they go, the scenario decides."
     table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes], cards=True)
     return web_page(title, key_figures(figures), section("Scenes", table, note), ("browse.js",))
 
@@ -144,6 +146,8 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
     starts_m = {name: route_m[:1] for name, route_m in routes_m.items()}
     if spec.storyboard is not None:
         starts_m |= {name: place_m[None] for name, place_m in entity_starts_m(spec.storyboard, network).items()}
+        if spec.drive is None:
+            del routes_m[spec.agents[0].name]  # it moves as the storyboard says
     shown_m = np.concatenate([*routes_m.values(), *starts_m.values(), *masts_m.values(), *areas_m])
     square = Square.around(shown_m, _MARGIN_M, _MIN_SIDE_M)
     scale, middle = _SIDE / square.side_m, _SIDE / 2.0

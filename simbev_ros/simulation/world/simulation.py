@@ -5,7 +5,7 @@ of a second behind SUMO. Everything in a table, including lights and signals, be
 """
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -101,11 +101,7 @@ class Simulation:
         lanes = [each for each in network.lanes.values() if each.edge in cropped.edges and each.kind not in _ON_FOOT]
         signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], step_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
-            inputs = {"scene.net.xml": cropped.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
-            with write_errors(Path(folder)):
-                for name, text in inputs.items():
-                    Path(folder, name).write_text(text, encoding="utf-8")
-            files = [Path(folder, name) for name in inputs]
+            files = _written(Path(folder), {"net": cropped.xml, "rou": demand.xml, "add": signals})
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
             tracks = LaneTracks(lanes)
@@ -282,3 +278,12 @@ class Simulation:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _written(folder: Path, inputs: Mapping[str, str]) -> list[Path]:
+    """SUMO's input files of a scene, written into a folder; contents are by the kind of file."""
+    files = [folder / f"scene.{kind}.xml" for kind in inputs]
+    with write_errors(folder):
+        for file, text in zip(files, inputs.values(), strict=True):
+            file.write_text(text, encoding="utf-8")
+    return files

@@ -8,7 +8,8 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, make_console, plural, table_console
+from simbev_ros.cli.console import counting_bar, make_console, table_console
+from simbev_ros.foundation.counts import plural
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import is_folder, path_exists
 from simbev_ros.foundation.files.whole_files import require_writable, write_errors

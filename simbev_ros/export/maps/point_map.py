@@ -14,7 +14,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.simulation.raycast.embree import TriangleSet, relative_rays
 
 DENSITY_PM2 = 25.0
-"""Points per square meter: those that voxels of 0.2 m leave of a scan, as in maps that vehicles made for Autoware."""
+"""Points per square meter: those that voxels of 0.2 m leave of a scan."""
 
 REACH_M = 80.0
 """Greatest distance of a point from the scanner that sees it."""

@@ -54,12 +54,12 @@ class DrivenVehicle:
         self._above_m = float(front_m[2] - heights_m(front_m[None])[0])
         self._ticks_without_command = 0
         self.front_m = front_m.copy()
-        ahead = np.array(direction[:2]) / np.hypot(*direction[:2])
-        self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * ahead, front_m[2])
-        self._start(blueprint, direction)
+        yaw_rad = math.atan2(direction[1], direction[0])
+        self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * _ahead(yaw_rad), front_m[2])
+        self._start(blueprint, yaw_rad)
 
-    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
-        """Prepare the model of the motion, at rest; the arguments are those of the constructor."""
+    def _start(self, blueprint: Blueprint, yaw_rad: float) -> None:
+        """Prepare the model of the motion of a vehicle that stands with this heading."""
         raise NotImplementedError
 
     @property
@@ -83,9 +83,8 @@ class EgoDriver(DrivenVehicle):
         yaw_rad: Heading.
     """
 
-    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
-        self._blueprint, self.yaw_rad = blueprint, math.atan2(direction[1], direction[0])
-        self.axle_m = self._on_road(self.front_m[:2] - self._rear_to_front_m * self._ahead(), self.front_m[2])
+    def _start(self, blueprint: Blueprint, yaw_rad: float) -> None:
+        self._blueprint, self.yaw_rad = blueprint, yaw_rad
         self._desired_mps = self._desired_radps = 0.0
         self._speed_mps = self._steer_rad = 0.0
 
@@ -111,11 +110,11 @@ class EgoDriver(DrivenVehicle):
         yaw_rate_radps = self._speed_mps * math.tan(self._steer_rad) / wheelbase_m
         yaw_rad = self.yaw_rad + clamp(yaw_rate_radps, max_radps) * tick_s  # the tires cannot hold more
         mean_yaw_rad = (self.yaw_rad + yaw_rad) / 2.0
-        step_m = self._speed_mps * tick_s * np.array([math.cos(mean_yaw_rad), math.sin(mean_yaw_rad)])
+        step_m = self._speed_mps * tick_s * _ahead(mean_yaw_rad)
         self.yaw_rad = yaw_rad
         axle_m = self.axle_m[:2] + step_m
         self.axle_m = self._on_road(axle_m, self.axle_m[2])
-        self.front_m = self._on_road(axle_m + self._rear_to_front_m * self._ahead(), self.front_m[2])
+        self.front_m = self._on_road(axle_m + self._rear_to_front_m * _ahead(yaw_rad), self.front_m[2])
 
     def _change_speed(self) -> None:
         """Accelerate or brake toward the desired speed; between forward and backward, the speed is 0 at one tick."""
@@ -126,10 +125,6 @@ class EgoDriver(DrivenVehicle):
         limit_mps2 = self._blueprint.accel if accelerates else self._blueprint.decel
         self._speed_mps += clamp(desired_mps - self._speed_mps, limit_mps2 * self._tick_s)
 
-    def _ahead(self) -> Float64Array:
-        """(2,) unit vector of the heading."""
-        return np.array([math.cos(self.yaw_rad), math.sin(self.yaw_rad)])
-
 
 class CommandedDriver(DrivenVehicle):
     """Drives one vehicle; a trajectory lasts until its end, whatever the age of its command.
@@ -138,9 +133,8 @@ class CommandedDriver(DrivenVehicle):
         model: The state of the vehicle.
     """
 
-    def _start(self, blueprint: Blueprint, direction: Float64Array) -> None:
+    def _start(self, blueprint: Blueprint, yaw_rad: float) -> None:
         self._comfortable_mps2 = blueprint.decel
-        yaw_rad = math.atan2(direction[1], direction[0])
         own = Dynamics.of(blueprint)
         back_m = self._rear_to_front_m - own.rear_m
         x_m, y_m = self.front_m[0] - back_m * math.cos(yaw_rad), self.front_m[1] - back_m * math.sin(yaw_rad)
@@ -173,7 +167,12 @@ class CommandedDriver(DrivenVehicle):
 
     def _place(self) -> None:
         """Set bumper and axle by the state of the model."""
-        model, ahead = self.model, np.array([math.cos(self.model.yaw_rad), math.sin(self.model.yaw_rad)])
+        model, ahead = self.model, _ahead(self.model.yaw_rad)
         axle_m = np.array([model.x_m, model.y_m]) - model.dynamics.rear_m * ahead
         self.axle_m = self._on_road(axle_m, self.axle_m[2])
         self.front_m = self._on_road(axle_m + self._rear_to_front_m * ahead, self.front_m[2])
+
+
+def _ahead(yaw_rad: float) -> Float64Array:
+    """(2,) unit vector of a heading."""
+    return np.array([math.cos(yaw_rad), math.sin(yaw_rad)])

@@ -141,10 +141,16 @@ class SceneDisplay(MapDisplay):
 
 
 class DatasetDisplay(MapDisplay):
-    """Shows a bar for each scene in the making, and one for the dataset with speed, size, failures and time left."""
+    """Shows a bar for each scene in the making, and one for the dataset with speed, size, failures and time left.
 
-    def __init__(self, console: Console) -> None:
+    Args:
+        console: Where to show it.
+        name: What the dataset's bar is called.
+    """
+
+    def __init__(self, console: Console, name: str = "dataset") -> None:
         super().__init__(console)
+        self._name = name
         self._bars = Progress(disable=True)
         self._total: TaskID = self._bars.add_task("")
         self._tasks: dict[str, TaskID] = {}
@@ -198,7 +204,7 @@ class DatasetDisplay(MapDisplay):
         self._bars = ReportingProgress(*columns, console=self.console, expand=True, disable=not scenes)
         self._began_s = time.monotonic()
         used = format_size(dataset_bytes)
-        self._total = self._bars.add_task("dataset", total=scenes, count=f"0/{scenes} scenes", speed="", size=used)
+        self._total = self._bars.add_task(self._name, total=scenes, count=f"0/{scenes} scenes", speed="", size=used)
         self._bars.start()
 
     def _print_workers(self, workers: int, cost: SceneCost) -> None:

@@ -84,9 +84,16 @@ def make_suite(
     *,
     workers: int | Literal["auto"] | None = None,
     ray: str | None = None,
-    observer: ProductionObserver = SILENT,
+    observers: Mapping[str, ProductionObserver] | None = None,
 ) -> dict[str, DatasetResult]:
     """Make the scenes of each ability in the folder ``out/ability``; existing scenes are kept.
+
+    Args:
+        scenarios: The abilities, from ``suite_scenarios``.
+        out: The folder.
+        workers: Number of graphs side by side, as in ``make_dataset``.
+        ray: A Ray cluster, as in ``make_dataset``.
+        observers: Who is told of each ability's progress.
 
     Raises:
         InputError: The folder has drives of another driver, or as ``make_dataset``.
@@ -99,7 +106,9 @@ def make_suite(
                 f"{out / ability}: has drives with other settings ({', '.join(changed)}); use a new folder"
             )
     return {
-        ability: make_dataset(scenario, out / ability, workers=workers, ray=ray, observer=observer)
+        ability: make_dataset(
+            scenario, out / ability, workers=workers, ray=ray, observer=(observers or {}).get(ability, SILENT)
+        )
         for ability, scenario in scenarios.items()
     }
 

@@ -77,6 +77,17 @@ def test_drives_of_another_driver_are_not_mixed_with_those_that_exist(
         make_suite(suite_scenarios("none", "path", 1), tmp_path)
 
 
+def test_each_ability_reports_its_own_progress(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = {}
+    monkeypatch.setattr("simbev_ros.production.drive_suite.changed_sections", lambda *_: [])
+    monkeypatch.setattr(
+        "simbev_ros.production.drive_suite.make_dataset", lambda _, out, **options: told.update({out.name: options})
+    )
+    observers = {ability: object() for ability in ("merging", "overtaking")}
+    make_suite(suite_scenarios("none", "path", 2), tmp_path, observers=observers)
+    assert {ability: options["observer"] for ability, options in told.items()} == observers
+
+
 def made_up(name: str, score: float, *groups: str) -> SuiteDrive:
     scores = {
         "leaderboard_2_0": {"driving_score": score, "route_completion": 100.0},

@@ -75,7 +75,9 @@ def suite(
         require_place(path)
     console, count = make_console(), worker_count(workers, MAX_GRAPHS)
     scenarios = drive_suite.suite_scenarios(stack, interface.value, routes or drive_suite.suite_size())
-    results = drive_suite.make_suite(scenarios, out, workers=count, ray=ray, observer=DatasetDisplay(console))
+    names = {ability: f"{ability} ({number} of {len(scenarios)})" for number, ability in enumerate(scenarios, start=1)}
+    displays = {ability: DatasetDisplay(console, name) for ability, name in names.items()}
+    results = drive_suite.make_suite(scenarios, out, workers=count, ray=ray, observers=displays)
     failed = {f"{ability}/{name}": why for ability, each in results.items() for name, why in each.failed.items()}
     show_failures(failed, console)
     if drives := drive_suite.suite_drives(scenarios, out):

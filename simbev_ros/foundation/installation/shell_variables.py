@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from simbev_ros.foundation.installation.arithmetic import rounding_variables
 from simbev_ros.foundation.installation.ros_release import is_jazzy
 from simbev_ros.foundation.tables import load_table
 
@@ -74,13 +75,15 @@ def prepare_shell() -> None:
 
 
 def prepare_node() -> None:
-    """Drop a middleware that is not installed, with a warning, in a node that is started as a program of its own.
+    """Prepare a node that is started as a program of its own: how it rounds, and a middleware that is not installed.
 
-    ROS would end the process when it is loaded, so a package of nodes calls this before it imports any. Processes that
-    a graph has started, and other programs that import the package, are left alone. All else that the shell sets is
-    the choice of the one who starts the node.
+    The latter is dropped, with a warning: ROS would end the process when it is loaded, so a package of nodes calls this
+    before it imports any. Processes that a graph has started, and other programs that import the package, are left
+    alone. All else that the shell sets is the choice of the one who starts the node.
     """
     is_program = sys.argv[0] == "-m" or Path(sys.argv[0]).name == _NODE_PROGRAM  # the former until a module has run
+    if is_program:
+        os.environ.update(rounding_variables(os.environ))
     if is_program and _MIDDLEWARE in os.environ:
         chosen = {_MIDDLEWARE: os.environ.pop(_MIDDLEWARE)}
         for variable in settle_shell(chosen):

@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.foundation.installation.arithmetic import rounding_variables
 from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.foundation.threads import CORES_VARIABLE
 from simbev_ros.production.workers.messages import Settings
@@ -46,6 +47,7 @@ class LocalWorker:
                 stderr=subprocess.STDOUT,
                 env={
                     "OPENBLAS_NUM_THREADS": "1",
+                    **rounding_variables(inherited),
                     **inherited,
                     **({} if cores is None else {CORES_VARIABLE: str(cores)}),
                     SUPERVISOR_VARIABLE: str(os.getpid()),

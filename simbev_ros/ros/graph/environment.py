@@ -7,6 +7,7 @@ import rclpy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from simbev_ros.foundation.files.private_folder import substitute_home, writable_home
+from simbev_ros.foundation.installation.arithmetic import rounding_variables
 from simbev_ros.ros.graph.exposure import LOCAL, Exposure
 
 _LOG_FORMAT = {
@@ -31,6 +32,7 @@ def graph_environment(domain: int, exposure: Exposure = LOCAL) -> dict[str, str]
         kept["ROS_LOG_DIR"] = str(substitute_home() / ".ros" / "log")
     return {
         **kept,
+        **rounding_variables(os.environ),
         **subscriber_environment(exposure),
         **_LOG_FORMAT,
         "ROS_DOMAIN_ID": str(domain),

@@ -5,6 +5,7 @@ described in carla-simulator/carla, Skills/leaderboard/read-leaderboard-results/
 the share of the way outside of the lanes is one more factor. Collisions do not count while the vehicle stands.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 
 from simbev_ros.evaluation.driving.drive_record import DriveRecord
@@ -28,7 +29,7 @@ def leaderboard_2_0(drive: DriveRecord) -> dict[str, float]:
 def leaderboard_2_1(drive: DriveRecord) -> dict[str, float]:
     """Score of leaderboard 2.1, in percent: infractions add up in the denominator."""
     table = coefficients("leaderboard_2_1")
-    total = sum(
+    total = math.fsum(
         table[each.kind] * (1.0 - each.value if each.kind is InfractionKind.MIN_SPEED else 1.0)
         for each in counted(drive, table)
     )

@@ -4,6 +4,7 @@ Source: motional/nuplan-devkit, docs/metrics_description.md (v1.2). nuPlan measu
 here the expert completes the route.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,7 +31,7 @@ def nuplan(drive: DriveRecord) -> dict[str, float]:
         "making_progress": float(drive.completed > numbers["min_progress"]),
     }
     weights = numbers["weights"]
-    score = sum(weights[name] * value for name, value in metrics.items()) / sum(weights.values())
+    score = math.fsum(weights[name] * value for name, value in metrics.items()) / sum(weights.values())
     for factor in multipliers.values():
         score *= factor
     return {"score": score, **multipliers, **metrics}

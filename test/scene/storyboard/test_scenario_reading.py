@@ -1,6 +1,7 @@
 """Scenarios are resolved: parameters, catalogs, deprecated forms; whatever is wrong is named with its line."""
 
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,20 @@ def test_given_values_replace_declared_ones(tmp_path: Path) -> None:
     assert scenario.entities[0].body.performance.max_speed_mps == 20
     assert scenario.storyboard.stories[0].acts[0].maneuver_groups[0].maximum_execution_count == 4
     assert scenario.parameters[0] == model.ParameterDeclaration(name="speed", parameter_type="double", value="20")
+
+
+def test_a_group_of_maneuvers_runs_once_where_no_count_is_given(tmp_path: Path) -> None:
+    scenario = read(tmp_path, {' maximumExecutionCount="$runs"': ""})
+    assert scenario.storyboard.stories[0].acts[0].maneuver_groups[0].maximum_execution_count == 1
+
+
+def test_a_relative_position_may_leave_out_its_distances() -> None:
+    read_defaults = {
+        name: {spec.name: spec.default for spec in fields(getattr(model, name))}
+        for name in ("RelativeObjectPosition", "RelativeLanePosition")
+    }
+    assert read_defaults["RelativeObjectPosition"]["dx_m"] == read_defaults["RelativeObjectPosition"]["dy_m"] == 0
+    assert read_defaults["RelativeLanePosition"]["d_lane"] == 0
 
 
 def test_an_expression_is_replaced_by_its_value(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from simbev_ros.schema.scene.spec import WaypointSpec
 from simbev_ros.schema.scene.state import Behavior, Light
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.simulation import Simulation
-from simbev_ros.simulation.world.sumo import traffic
+from simbev_ros.simulation.world.sumo import walkers
 
 _STREET = "-grid.ring.11"
 
@@ -53,7 +53,7 @@ def along(rows, x, y):
 
 @pytest.mark.slow
 def test_a_jaywalker_walks_on_to_an_edge_that_is_shorter_than_the_usual_arrival(monkeypatch):
-    monkeypatch.setattr(traffic, "_ANY_ARRIVAL_M", 1e4)
+    monkeypatch.setattr(walkers, "_ANY_ARRIVAL_M", 1e4)
     actors, _ = meeting.__wrapped__(40.0, reckless=False)
     last_crossed = np.flatnonzero(is_crossing(actors[:, 1]))[-1]
     later_m = plan_m(actors[last_crossed + 1 :, 1])

@@ -177,7 +177,8 @@ class Resolver:
         """Attributes in which deprecated ones and deprecated values have their present form."""
         result: dict[str, str] = {}
         for name, text in attributes.items():
-            new: dict[str | None, str] | None = TABLE["replaced"].get(name, {}).get(text)
+            stands_for = TABLE["replaced"].get(f"{tag}.{name}") or TABLE["replaced"].get(name, {})
+            new: dict[str | None, str] | None = stands_for.get(text)
             if f"{tag}.{name}" in TABLE["renamed"]:
                 new_name, factor = TABLE["renamed"][f"{tag}.{name}"]
                 new = {}

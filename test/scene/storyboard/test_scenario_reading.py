@@ -10,6 +10,7 @@ from hand_written_scenario import CATALOG, SCENARIO, line_with, write_hand_writt
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.scene.storyboard import model, resolving
+from simbev_ros.scene.storyboard.model import elements_in
 from simbev_ros.scene.storyboard.reading import read_resolved, resolve
 
 LANE_CHANGE = "LaneChangeAction"
@@ -64,6 +65,23 @@ def test_a_relative_position_may_leave_out_its_distances() -> None:
     }
     assert read_defaults["RelativeObjectPosition"]["dx_m"] == read_defaults["RelativeObjectPosition"]["dy_m"] == 0
     assert read_defaults["RelativeLanePosition"]["d_lane"] == 0
+
+
+@pytest.mark.parametrize(
+    ("rest", "value", "dimension"),
+    [("", 0, "time"), (' value="3"', 3, "time"), (' value="3" dynamicsDimension="rate"', 3, "rate")],
+)
+def test_a_step_needs_neither_dimension_nor_value(rest: str, value: float, dimension: str, tmp_path: Path) -> None:
+    whole = 'dynamicsShape="cubic" value="3" dynamicsDimension="time"'
+    scenario = read(tmp_path, {whole: f'dynamicsShape="step"{rest}'})
+    (change,) = [each for each in elements_in(scenario) if each.kind == LANE_CHANGE]
+    dynamics = change.dynamics
+    assert (dynamics.dynamics_shape, dynamics.value, dynamics.dynamics_dimension) == ("step", value, dimension)
+
+
+def test_other_shapes_need_both(tmp_path: Path) -> None:
+    (problem,) = problems(tmp_path, {' value="3" dynamicsDimension="time"': ' value="3"'})
+    assert "dynamicsDimension" in problem
 
 
 def test_an_expression_is_replaced_by_its_value(tmp_path: Path) -> None:

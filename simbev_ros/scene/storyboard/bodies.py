@@ -58,9 +58,10 @@ class Body:
         yaw_rad: Heading.
         pitch_rad: Pitch, downward positive.
         roll_rad: Roll.
-        speed_mps: Along its lane or heading; negative in reverse.
+        speed_mps: Along its heading; negative in reverse.
         acceleration_mps2: Its change.
         lateral_mps: To the left, relative to its lane.
+        along_share: Part of its speed that is along its lane.
         place: Its lane; None: it moves straight ahead.
         route: Ids of the roads that it follows.
         travelled_m: Distance since the start.
@@ -83,6 +84,7 @@ class Body:
     speed_mps: float = 0.0
     acceleration_mps2: float = 0.0
     lateral_mps: float = 0.0
+    along_share: float = 1.0
     place: LanePlace | None = None
     route: tuple[str, ...] = ()
     travelled_m: float = 0.0
@@ -94,9 +96,20 @@ class Body:
     @property
     def velocity_mps(self) -> Float64Array:
         """(2,) velocity, map frame."""
-        along_rad = self.yaw_rad - math.atan2(self.lateral_mps, abs(self.speed_mps)) * (self.speed_mps != 0.0)
-        ahead = np.array([math.cos(along_rad), math.sin(along_rad)])
-        return self.speed_mps * ahead + self.lateral_mps * np.array([-ahead[1], ahead[0]])
+        lane_rad = self.yaw_rad - self.drift_rad
+        ahead = np.array([math.cos(lane_rad), math.sin(lane_rad)])
+        return self.along_mps * ahead + self.lateral_mps * np.array([-ahead[1], ahead[0]])
+
+    @property
+    def along_mps(self) -> float:
+        """Speed along its lane."""
+        return self.speed_mps * self.along_share
+
+    @property
+    def drift_rad(self) -> float:
+        """The angle from its lane to its heading, because it moves to the side."""
+        side_rad = math.atan2(self.lateral_mps, abs(self.along_mps)) if self.speed_mps else 0.0
+        return math.copysign(1.0, self.speed_mps) * side_rad
 
     @property
     def corners_m(self) -> Float64Array:
@@ -170,9 +183,8 @@ class Mover:
         """Set the position of a body from its place, and its heading from its lateral motion."""
         assert body.place is not None
         position_m, _ = self.roads.pose(self.roads.point_of(body.place))
-        drift_rad = math.atan2(body.lateral_mps, abs(body.speed_mps)) if body.speed_mps else 0.0
         body.position_m = position_m
-        body.yaw_rad = wrapped(self.direction_rad(body.place) + math.copysign(1.0, body.speed_mps) * drift_rad)
+        body.yaw_rad = wrapped(self.direction_rad(body.place) + body.drift_rad)
 
     def drive(self, body: Body, distance_m: float) -> None:
         """Move a body along its lane, or straight ahead, and set its pose."""

@@ -15,6 +15,7 @@ from simbev_ros.simulation.world.storyboard.motions import (
     SpeedChange,
     SpeedLikeAnother,
     Synchronize,
+    shape_of,
     side_of,
     target_mps,
 )
@@ -25,12 +26,10 @@ from simbev_ros.simulation.world.storyboard.stage import Motion, Stage
 def _speed(stage: Stage, body: Body, element: Element) -> Motion | None:
     dynamics, target = element.dynamics, element.target
     if getattr(target, "continuous", False):
-        motion: Motion = SpeedLikeAnother(target)
+        motion: Motion = SpeedLikeAnother(target, dynamics, body.speed_mps)
     else:
         end_mps = target_mps(stage, target)
-        change = speed_transition(
-            body.speed_mps, end_mps, dynamics.dynamics_shape, dynamics.dynamics_dimension, dynamics.value
-        )
+        change = speed_transition(body.speed_mps, end_mps, *shape_of(dynamics))
         motion = SpeedChange(change)
         if change.length <= 0.0:
             body.speed_mps, motion.done = end_mps, True
@@ -79,7 +78,7 @@ def _lane_change(stage: Stage, body: Body, element: Element) -> Motion | None:
 def _shift(stage: Stage, body: Body, dynamics: Element, start_m: float, end_m: float) -> Motion:
     dimension = dynamics.dynamics_dimension
     profile = transition(start_m, end_m, dynamics.dynamics_shape, dimension, dynamics.value)
-    return _shifted(stage, body, Shift(profile, over_time=dimension != "distance"), profile)
+    return _shifted(stage, body, Shift(profile, over_time=dimension != "distance", keeps_speed=True), profile)
 
 
 def _shifted(stage: Stage, body: Body, motion: Shift, profile: Transition, *, ends: bool = True) -> Motion:
@@ -107,7 +106,7 @@ def _lane_offset(stage: Stage, body: Body, element: Element) -> Motion | None:
     length_s = 0.0 if shape == "step" or not limit else math.sqrt(factor * moved_m / limit)
     profile = Transition(start_m, end_m, length_s, "linear" if shape == "step" else shape)
     ends = not element.continuous
-    return _shifted(stage, body, Shift(profile, over_time=True, ends=ends), profile, ends=ends)
+    return _shifted(stage, body, Shift(profile, ends=ends), profile, ends=ends)
 
 
 def _follow_trajectory(stage: Stage, body: Body, element: Element) -> Motion | None:

@@ -9,7 +9,7 @@ from simbev_ros.maps.opendrive.lane_places import LanePlace
 from simbev_ros.scene.storyboard.bodies import Body, Pose
 from simbev_ros.scene.storyboard.model import Element
 from simbev_ros.scene.storyboard.trajectories import curve_of
-from simbev_ros.simulation.world.storyboard.profiles import Transition
+from simbev_ros.simulation.world.storyboard.profiles import Transition, speed_transition
 from simbev_ros.simulation.world.storyboard.stage import Stage
 
 _REACHED_M, _SAME_MPS = 1e-3, 1e-3
@@ -62,15 +62,21 @@ class SpeedChange(Moving):
 
 
 class SpeedLikeAnother(Moving):
-    """A speed relative to another entity's, for good."""
+    """A speed relative to another entity's, for good; the end of the transition to it moves with that."""
 
-    def __init__(self, target: Element) -> None:
+    def __init__(self, target: Element, dynamics: Element, start_mps: float) -> None:
         super().__init__()
-        self._target = target
+        self._target, self._dynamics, self._start_mps = target, dynamics, start_mps
+        self._at_s, self._is_reached = 0.0, False
 
     def distance_m(self, stage: Stage, body: Body) -> float:
         """As in ``Motion``."""
         before_mps, body.speed_mps = body.speed_mps, target_mps(stage, self._target)
+        if not self._is_reached:
+            self._at_s += stage.tick_s
+            change = speed_transition(self._start_mps, body.speed_mps, *shape_of(self._dynamics))
+            self._is_reached = self._at_s >= change.length - 1e-9
+            body.speed_mps = change.value(self._at_s + 1e-9)
         return (before_mps + body.speed_mps) / 2.0 * stage.tick_s
 
 
@@ -109,6 +115,11 @@ class KeepDistance(Moving):
     def _has_moved(stage: Stage, body: Body, other: Body) -> bool:
         names = [*stage.bodies]
         return other.name in stage.outside or names.index(other.name) < names.index(body.name)
+
+
+def shape_of(dynamics: Element) -> tuple[str, str, float]:
+    """Shape, dimension and value of an element ``TransitionDynamics``."""
+    return dynamics.dynamics_shape, dynamics.dynamics_dimension, dynamics.value
 
 
 def _limited_mps(body: Body, other: Body, error_m: float, limits: Element, tick_s: float) -> float:
@@ -208,25 +219,41 @@ def _remaining_m(stage: Stage, body: Body, goal: Pose) -> float:
 
 
 class Shift(Moving):
-    """A lateral transition on the lane, over time or over the distance travelled."""
+    """A lateral transition on the lane, over time or over the distance along the lane.
 
-    def __init__(self, profile: Transition, *, over_time: bool, ends: bool = True) -> None:
+    It may keep the total speed, so that the entity is slower along its lane.
+    """
+
+    def __init__(
+        self, profile: Transition, *, over_time: bool = True, keeps_speed: bool = False, ends: bool = True
+    ) -> None:
         super().__init__()
-        self._profile, self._over_time, self._ends, self._at = profile, over_time, ends, 0.0
+        self._profile, self._over_time, self._keeps_speed = profile, over_time, keeps_speed
+        self._ends, self._at = ends, 0.0
 
     def steer(self, stage: Stage, body: Body, distance_m: float) -> None:
         """As in ``Motion``."""
-        self._at += stage.tick_s if self._over_time else abs(distance_m)
-        stage.mover.drive(body, distance_m)
+        next_at = self._at + (stage.tick_s if self._over_time else abs(distance_m))
+        share = self._along_share(next_at, distance_m) if self._keeps_speed and distance_m else 1.0
+        self._at = next_at if self._over_time else self._at + abs(distance_m) * share
+        stage.mover.drive(body, distance_m * share)
         if body.place is None:
             self.done = True
             return
-        rate = 1.0 if self._over_time else abs(body.speed_mps)
+        body.along_share = share
+        rate = 1.0 if self._over_time else abs(body.along_mps)
         self.done = self._at >= self._profile.length - 1e-9 and self._ends
         at = self._profile.length if self.done else self._at
         body.lateral_mps = self._profile.slope(at) * rate
         body.place = replace(body.place, offset_m=self._profile.value(at) * side_of(body.place))
         stage.mover.pose_on_lane(body)
+
+    def _along_share(self, next_at: float, distance_m: float) -> float:
+        """Part of the distance of a tick that is along the lane."""
+        if not self._over_time:
+            return 1.0 / math.hypot(1.0, self._profile.slope((self._at + next_at) / 2.0))
+        aside = (self._profile.value(next_at) - self._profile.value(self._at)) / distance_m
+        return math.sqrt(max(1.0 - aside**2, 0.0))
 
 
 class KeepLateral(Moving):

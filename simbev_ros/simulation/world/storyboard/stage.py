@@ -101,6 +101,7 @@ class Stage:
             before_m, before_mps = body.position_m, body.speed_mps
             motion, steering = self.longitudinal.get(body.name), self.lateral.get(body.name)
             distance_m = body.speed_mps * self.tick_s if motion is None else motion.distance_m(self, body)
+            body.along_share = 1.0
             if steering is None:
                 body.lateral_mps = 0.0
                 self.mover.drive(body, distance_m)

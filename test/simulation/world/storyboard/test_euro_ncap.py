@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from storyboard_stage import (
     LANE_M,
@@ -246,7 +247,8 @@ def test_the_car_drifts_out_of_its_lane(road: Path) -> None:  # LSS, 72 km/h, 0.
     for second in range(1, 9):
         show.run_to(second)
         shift = min(rate * max(second - 1.0, 0.0), LANE_M)
-        assert show.xy("ego") == pytest.approx((100.0 + v * second, Y_RIGHT + shift), abs=CM)
+        along = v + math.sqrt(v**2 - rate**2) * (second - 1.0)  # 72 km/h is the speed in all
+        assert show.xy("ego") == pytest.approx((100.0 + along, Y_RIGHT + shift), abs=CM)
     show.run_to(8.05)
     assert show.times("end", "drift") == [pytest.approx(8.0)]
 
@@ -271,9 +273,16 @@ def test_an_overtaker_changes_lanes_twice(road: Path) -> None:  # LSS, overtakin
             placed("ego", lane(0.0, -2), v), story(["ego"], event("out", after(1.0), out), event("back", ended, back))
         ),
     )
+    fine_s = 1e-4  # the speed in all is 80 km/h: the one along the lane is integrated
+    out_s = np.arange(0.0, 4.0, fine_s) + fine_s / 2.0
+    along_out = np.cumsum(np.sqrt(v**2 - (LANE_M * math.pi / 8.0 * np.sin(math.pi * out_s / 4.0)) ** 2)) * fine_s
+    back_m = np.arange(0.0, 100.0, 0.01) + 0.005
+    arc_back = np.cumsum(np.hypot(1.0, LANE_M * 0.06 * back_m / 100.0 * (1.0 - back_m / 100.0))) * 0.01
     for second in range(1, 11):
         show.run_to(second)
-        y = Y_FAR_RIGHT + LANE_M * sinusoid((second - 1.0) / 4.0)
-        u = min(max(v * (second - 5.0) / 100.0, 0.0), 1.0)
-        y -= LANE_M * u * u * (3.0 - 2.0 * u)
-        assert show.xy("ego") == pytest.approx((v * second, y), abs=CM)
+        x = v + float(np.interp(second - 1.0, out_s, along_out, left=0.0))
+        back = max(v * (second - 5.0), 0.0)
+        beyond = max(back - arc_back[-1], 0.0)
+        u = float(np.interp(back, arc_back, back_m, left=0.0, right=100.0)) / 100.0
+        y = Y_FAR_RIGHT + LANE_M * (sinusoid((second - 1.0) / 4.0) - u * u * (3.0 - 2.0 * u))
+        assert show.xy("ego") == pytest.approx((x + 100.0 * u + beyond, y), abs=CM)

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from storyboard_stage import (
     LANE_M,
@@ -77,6 +78,17 @@ def test_speed_that_follows_another_one_does_not_end(play: Play) -> None:
     assert show.times("end", "e0") == []
 
 
+def test_speed_that_follows_another_one_is_reached_by_its_dynamics(play: Play) -> None:
+    target = model.RelativeTargetSpeed(entity_ref="other", value=2.0, speed_target_value_type="delta", continuous=True)
+    show = play(model.SpeedAction(dynamics=dynamics("linear", "rate", 1.5), target=target), other_v=5.0)
+    show.run_to(2.0)  # from 10 to 7 m/s in 2 s
+    assert show["ego"].speed_mps == pytest.approx(8.5)
+    show.run_to(4.0)
+    assert show["ego"].speed_mps == 7.0
+    assert show.xy("ego")[0] == pytest.approx(100.0 + 10.0 + 17.0 + 7.0, abs=CM)
+    assert show.times("end", "e0") == []
+
+
 def test_speed_over_a_distance(play: Play) -> None:
     show = play(speed(20.0, "linear", "distance", 30.0))
     show.run_to(3.0)  # 30 m at 15 m/s on average
@@ -112,7 +124,9 @@ def test_lane_change_keeps_an_offset_in_the_target_lane(play: Play) -> None:
     show.run_to(2.0)
     assert show.xy("ego")[1] == pytest.approx((Y_RIGHT + Y_FAR_RIGHT + 0.5) / 2.0, abs=CM)
     show.run_to(4.0)
-    assert show.xy("ego") == pytest.approx((140.0, Y_FAR_RIGHT + 0.5), abs=CM)
+    width_m, part = Y_RIGHT - Y_FAR_RIGHT - 0.5, (np.arange(10_000) + 0.5) / 10_000
+    along_mps = np.sqrt(10.0**2 - (width_m * 3.0 * part * (1.0 - part)) ** 2)  # 10 m/s is the speed in all
+    assert show.xy("ego") == pytest.approx((120.0 + 2.0 * along_mps.mean(), Y_FAR_RIGHT + 0.5), abs=CM)
 
 
 def test_lane_change_of_an_oncoming_car_is_seen_from_it(play: Play) -> None:
